@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Depth of event-image edges from an unregistered depth image (paper section III-C): warp every reading into
+// the event frame, list the readings around each edge, take the foreground, intersect the edge's ray.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "devo/core/camera.h"
+#include "devo/core/depth_image.h"
+#include "devo/core/options.h"
+#include "devo/core/rigid3.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class DepthRegistration {
+ public:
+  /// `event_camera` is the undistorted event image's camera.
+  DepthRegistration(const Camera& event_camera, const Camera& depth_camera, const MappingOptions& options);
+
+  /// Warps the readings (paper eq. 2 and 3). `T_event_depth` maps points from the depth camera at its time to
+  /// the event camera at the surface's time (extrinsics and the motion in between). Readings near the
+  /// `edges` are listed for DepthAt; all enter the scene's depth. Returns the number of valid readings.
+  /// Throws std::invalid_argument when the image has not the depth camera's size.
+  int Warp(const DepthImage& depth, const Rigid3& T_event_depth, const std::vector<EdgePoint>& edges);
+
+  struct EdgeDepth {
+    float z_m;        ///< along the optical axis of the event camera
+    float sigma_m;    ///< spread of the readings it is from
+    bool silhouette;  ///< readings farther behind were left out as background
+  };
+
+  /// Foreground depth at a sub-pixel position that was among the warped edges. Empty where readings are
+  /// too few, on one side only and too far, or have no common surface.
+  std::optional<EdgeDepth> DepthAt(float x, float y) const;
+
+  /// Nearest warped depth per cell of kCell x kCell pixels, 0 where none: what hides points behind it.
+  const cv::Mat1f& nearest_depth() const { return cell_depth_; }
+  static constexpr int kCell = 4;
+
+  /// Median and coarse grid of the last warped image; holes are filled with the median.
+  SceneDepth MakeSceneDepth(std::int64_t t_ns) const;
+
+ private:
+  struct Reading {
+    float u, v, z;
+    int next;  // of the same pixel, -1 ends the list
+  };
+
+  void MarkNeighbourhoods(const std::vector<EdgePoint>& edges);
+
+  Camera event_camera_;
+  MappingOptions options_;
+  cv::Mat2f depth_rays_;
+  float radius_px_;   // of the neighbourhood, from the ratio of the cameras' resolutions
+  cv::Mat1b wanted_;  // pixels whose readings are listed
+  cv::Mat1i first_;   // head of each pixel's list, -1 empty
+  std::vector<Reading> readings_;
+  cv::Mat1f cell_depth_;
+};
+
+}  // namespace devo

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The mapping module (paper section III-C): references made of edges and depth, the local map for tracking.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "devo/core/camera.h"
+#include "devo/core/depth_image.h"
+#include "devo/core/depth_registration.h"
+#include "devo/core/local_map.h"
+#include "devo/core/options.h"
+#include "devo/core/pose_estimate.h"
+#include "devo/core/pose_history.h"
+#include "devo/core/reference_map.h"
+#include "devo/core/rig.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Surfaces, poses and depth images may come late and in any order between the three kinds; within a kind in
+/// the order of their time. Not thread-safe.
+class Mapper {
+ public:
+  Mapper(const Rig& rig, const OdometryOptions& options);
+
+  void AddSurface(SurfacePtr surface);
+  void AddPose(const PoseEstimate& pose);
+  void AddDepth(const DepthImage& depth);
+
+  /// Processes the depth images for which a surface at or after their time, and its pose, have come. Returns
+  /// the local map when it changed (a new reference, or the view has moved on), else null.
+  LocalMapPtr Update();
+
+  const SceneDepth& scene_depth() const { return scene_depth_; }
+
+  /// All points of all references, frame `world`.
+  std::vector<MapPoint> GlobalMap() const { return map_.AllPoints(); }
+
+  void Reset();
+
+  struct Counters {
+    std::uint64_t depth_in = 0;    ///< depth images added
+    std::uint64_t depth_used = 0;  ///< of these, met with a surface and a pose
+    std::uint64_t depth_without_valid_pixel = 0;
+    std::uint64_t references = 0;
+  };
+  const Counters& counters() const { return counters_; }
+
+ private:
+  SurfacePtr SurfaceFor(std::int64_t t_ns) const;
+  bool Process(const DepthImage& depth, const SurfacePtr& surface);
+  bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
+  bool MovedSinceReference(const Rigid3& T_world_event) const;
+  bool ViewMoved() const;
+  MapPoint MakePoint(const EdgePoint& edge, float z_m, double window_s) const;
+  LocalMapPtr MakeLocalMap();
+
+  Rig rig_;
+  OdometryOptions options_;
+  Camera camera_;  // undistorted event image
+  DepthRegistration registration_;
+  ReferenceMap map_;
+  std::deque<SurfacePtr> surfaces_;
+  std::deque<DepthImage> depths_;
+  PoseHistory poses_;
+  Vector6d velocity_ = Vector6d::Zero();
+  bool trackable_ = false;
+  std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
+  std::optional<Rigid3> T_world_local_;             // view of the last local map
+  int local_maps_ = 0;
+  SceneDepth scene_depth_;
+  std::uint64_t epoch_ = 0;
+  Counters counters_;
+};
+
+}  // namespace devo

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "devo/core/event.h"
+
+namespace devo {
+
+/// Tells signal from noise, one event at a time. Background activity (thermal noise, leak) comes alone: an
+/// event passes when enough of its eight neighbours fired shortly before it (Delbruck, "Frame-free dynamic
+/// digital vision", 2008). A hot pixel fires at a rate that its neighbours do not share. Not thread-safe.
+class NoiseFilter {
+ public:
+  /// `window_s`: how recent a neighbour must be; `min_neighbours`: 0 lets every event pass, else it is raised by one
+  /// where noise is so dense that it often has neighbours by chance; `hot_factor`: a pixel this many times as active
+  /// as its neighbours is hot, 0: none is.
+  NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor);
+
+  /// True when the event is signal. Events must lie in the image and come in the order of their time.
+  bool Pass(const Event& event);
+
+  void Reset();
+  int hot_pixels() const { return hot_pixels_; }
+
+  /// Background events per pixel and second, from the quietest parts of the image in the last quarter of a second.
+  double noise_hz() const { return noise_hz_; }
+
+  /// Of these, how many per pixel and second pass.
+  double passing_noise_hz() const;
+
+ private:
+  void UpdateHotPixels(std::uint32_t now_us);
+  void UpdateNoise();
+  double ChanceOfNeighbours(int at_least) const;
+
+  int width_, height_, stride_;
+  std::uint32_t window_us_;
+  int min_neighbours_;
+  double hot_factor_;
+  // One pixel of border on every side, so that neighbours need no bounds check.
+  std::vector<std::uint32_t> last_us_;
+  std::vector<std::uint16_t> counts_;
+  std::vector<std::uint8_t> hot_;
+  std::int64_t t0_ns_ = -1, next_update_ns_ = 0;
+  std::vector<std::uint32_t> block_counts_;  // events per block of 16 x 16 pixels
+  int blocks_per_row_ = 0;
+  double noise_hz_ = 0;
+  int needed_neighbours_ = 0;
+  int hot_pixels_ = 0;
+};
+
+}  // namespace devo

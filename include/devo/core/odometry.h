@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The whole odometry on one page: events and depth in, poses and a map out, in data time, on one thread.
+// The offline runner calls this class; the three nodelets call its three parts from three queues.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "devo/core/camera.h"
+#include "devo/core/depth_image.h"
+#include "devo/core/event.h"
+#include "devo/core/imu.h"
+#include "devo/core/local_map.h"
+#include "devo/core/options.h"
+#include "devo/core/pose_estimate.h"
+#include "devo/core/rig.h"
+#include "devo/core/rigid3.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+class Odometry {
+ public:
+  /// Throws std::invalid_argument when an option is out of range.
+  Odometry(const Rig& rig, const OdometryOptions& options);
+  ~Odometry();
+
+  /// Consecutive events, ordered in time. Every surface whose time has passed is rendered and tracked
+  /// before the call returns: poses arrive through `on_pose` in the order of their time.
+  void AddEvents(EventSpan events);
+
+  /// A depth image; images come in the order of their time, each before events that are later than it
+  /// by more than one surface period (a reader that merges streams by stamp does that).
+  void AddDepth(const DepthImage& depth);
+
+  /// An inertial sample, optional; its gyroscope sharpens the prediction, its accelerometer is not used. In the order
+  /// of time, each before events that are later than it by more than a surface period.
+  void AddImu(const ImuSample& sample);
+
+  std::function<void(const PoseEstimate&, const Surface&)> on_pose;  ///< once per tracked pose
+  std::function<void(const LocalMapPtr&)> on_local_map;              ///< once per new local map
+
+  /// All map points of all references, frame `world`.
+  std::vector<MapPoint> GlobalMap() const;
+
+  /// Milliseconds spent per call, in order, for the report.
+  struct Timings {
+    std::vector<float> surface_ms, mapping_ms, tracking_ms;
+  };
+  const Timings& timings() const;
+
+  struct Counters {
+    std::uint64_t events_in = 0, events_used = 0, events_outside = 0, events_unordered = 0;
+    std::uint64_t depth_in = 0, depth_used = 0, depth_without_valid_pixel = 0, references = 0;
+  };
+  const Counters& counters() const;
+
+ private:
+  void Step();
+
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace devo

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Every tunable of the odometry, once: its default here, its key, range and meaning in VisitOptions.
+// The yaml loader, the validation, docs/parameters.md and the ROS parameters are all made from the visit.
+#pragma once
+
+#include <string>
+
+namespace devo {
+
+struct SurfaceOptions {
+  std::string method = "motion_compensated";
+  double rate_hz = 100;
+  double event_share = 0.1;
+  double max_window_s = 0.05;
+  double blur_px = 1.0;
+  double crest_quantile = 0.45;
+  double truncation_px = 4;
+  double noise_window_s = 0.01;
+  int noise_neighbours = 1;
+  double hot_pixel_factor = 20;
+  double still_activity_hz = 0.15;
+  double tau_s = 0.03;
+  double delta = 0.5;
+};
+
+struct MappingOptions {
+  double min_depth_m = 0.1;
+  double max_depth_m = 100;
+  bool reuse_references = true;
+  double min_coverage = 0.8;
+  double new_reference_distance_m = 0.1;
+  double new_reference_angle_rad = 0.1;
+  int max_points = 2000;
+};
+
+struct TrackingOptions {
+  int max_iterations = 20;
+  double huber_share = 0.1;
+  double acceleration_m_s2 = 3;
+  double angular_acceleration_rad_s2 = 10;
+};
+
+struct OdometryOptions {
+  SurfaceOptions surface;
+  MappingOptions mapping;
+  TrackingOptions tracking;
+};
+
+/// Calls `visit(key, value&, min, max, meaning)` for numbers and `visit(key, string&, choices, meaning)` for
+/// names, `visit(key, bool&, meaning)` for switches, once per option. `Options` is OdometryOptions or const
+/// OdometryOptions. Keys are the yaml's.
+template <typename Options, typename Visitor>
+void VisitOptions(Options& o, Visitor&& visit) {
+  visit("surface.method", o.surface.method, "motion_compensated|exponential",
+        "motion_compensated (events moved to the surface's time, crests) or exponential (the paper's eq. 1)");
+  visit("surface.rate_hz", o.surface.rate_hz, 1.0, 1000.0, "surfaces and poses per second of data time");
+  visit("surface.event_share", o.surface.event_share, 0.001, 10.0, "events per surface, as a share of the pixels");
+  visit("surface.max_window_s", o.surface.max_window_s, 1e-3, 1.0, "no event older than this enters a surface");
+  visit("surface.blur_px", o.surface.blur_px, 0.0, 5.0, "standard deviation of the blur before crests are sought");
+  visit("surface.crest_quantile", o.surface.crest_quantile, 0.0, 1.0,
+        "crests are above this quantile of the occupied pixels");
+  visit("surface.truncation_px", o.surface.truncation_px, 1.0, 30.0, "distance beyond which an edge attracts no point");
+  visit("surface.noise_window_s", o.surface.noise_window_s, 0.0, 1.0,
+        "an event without a neighbour in this time is noise");
+  visit("surface.noise_neighbours", o.surface.noise_neighbours, 0, 8,
+        "neighbouring pixels that must have fired, one more where noise is dense; 0: no filter");
+  visit("surface.hot_pixel_factor", o.surface.hot_pixel_factor, 0.0, 1e6,
+        "a pixel this many times as active as its surroundings is hot; 0: none is");
+  visit("surface.still_activity_hz", o.surface.still_activity_hz, 0.0, 1000.0,
+        "below this many events per pixel and second nothing moves");
+  visit("surface.tau_s", o.surface.tau_s, 1e-4, 10.0, "exponential method: decay (paper eq. 1)");
+  visit("surface.delta", o.surface.delta, 0.0, 1.0, "exponential method: threshold of the semi-dense region");
+  visit("mapping.min_depth_m", o.mapping.min_depth_m, 0.0, 100.0, "nearer readings are no measurement");
+  visit("mapping.max_depth_m", o.mapping.max_depth_m, 0.1, 1000.0, "farther readings are no measurement");
+  visit("mapping.reuse_references", o.mapping.reuse_references,
+        "all references in view are registered together and new ones add what the old ones lack; false: only the "
+        "newest (the paper)");
+  visit("mapping.min_coverage", o.mapping.min_coverage, 0.0, 1.0,
+        "a new reference is made when the map explains less than this share of the edges");
+  visit("mapping.new_reference_distance_m", o.mapping.new_reference_distance_m, 0.0, 100.0,
+        "without reuse: translation after which a new reference is made");
+  visit("mapping.new_reference_angle_rad", o.mapping.new_reference_angle_rad, 0.0, 3.2,
+        "without reuse: rotation after which a new reference is made");
+  visit("mapping.max_points", o.mapping.max_points, 50, 100000, "points that tracking registers");
+  visit("tracking.max_iterations", o.tracking.max_iterations, 1, 200, "of the minimisation, per pose");
+  visit("tracking.huber_share", o.tracking.huber_share, 0.001, 10.0,
+        "where the robust loss turns linear, as a share of the truncation");
+  visit("tracking.acceleration_m_s2", o.tracking.acceleration_m_s2, 0.1, 1000.0,
+        "standard deviation of the camera's acceleration: how far the motion prior trusts a constant velocity");
+  visit("tracking.angular_acceleration_rad_s2", o.tracking.angular_acceleration_rad_s2, 0.1, 10000.0,
+        "the same for rotation");
+}
+
+/// Throws std::invalid_argument naming the first key whose value is out of its range, and the range.
+void Validate(const OdometryOptions& options);
+
+}  // namespace devo

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "devo/core/rigid3.h"
+
+namespace devo {
+
+enum class TrackingState : std::uint8_t {
+  kInitialising,  ///< no reference yet: no pose
+  kTracking,      ///< registered to the map in all six directions
+  kDegraded,      ///< pose partly or wholly from the motion prior (few matches, open directions)
+  kLost,          ///< no registration: the pose is extrapolated and only a guess
+  kRecovered,     ///< first pose registered again after being lost
+};
+
+/// Name in lower case, as published in diagnostics.
+const char* ToString(TrackingState state);
+
+/// Pose of the event camera at one surface's time, as tracking publishes it. Always finite.
+struct PoseEstimate {
+  std::int64_t t_ns = 0;
+  std::uint64_t epoch = 0;  ///< of the surface
+  Rigid3 T_world_event;
+  std::int64_t t_edges_ns = 0;  ///< time of the edges that were registered, a few milliseconds before `t_ns`
+  Rigid3 T_world_event_edges;   ///< pose at that time, as measured; T_world_event continues it with the velocity
+  Vector6d velocity_event =
+      Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
+  Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame
+  TrackingState state = TrackingState::kInitialising;
+  int reference_id = -1;        ///< reference that the local map was centred on
+  int points_used = 0;          ///< map points that took part
+  double inlier_share = 0;      ///< matched points / points that should have been seen, 0..1
+  double mean_residual_px = 0;  ///< mean absolute distance of the matched points
+  int iterations = 0;
+};
+
+}  // namespace devo

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "devo/core/rigid3.h"
+
+namespace devo {
+
+/// Poses of the last seconds, for looking up the pose at another sensor's time.
+/// Not thread-safe.
+class PoseHistory {
+ public:
+  explicit PoseHistory(double length_s = 5.0) : length_s_(length_s) {}
+
+  /// Poses must come in the order of their time; one that is not newer than the last is ignored.
+  void Add(std::int64_t t_ns, const Rigid3& T_world_event);
+
+  /// Pose at a time within the history (screw interpolation between neighbours), or up to
+  /// `extrapolate_s` before its begin or after its end with the velocity there. Empty otherwise.
+  std::optional<Rigid3> At(std::int64_t t_ns, double extrapolate_s = 0) const;
+
+  bool empty() const { return poses_.empty(); }
+  std::int64_t last_time_ns() const { return poses_.back().t_ns; }
+  const Rigid3& last() const { return poses_.back().T_world_event; }
+  void Clear() { poses_.clear(); }
+
+ private:
+  struct Stamped {
+    std::int64_t t_ns;
+    Rigid3 T_world_event;
+  };
+  double length_s_;
+  std::deque<Stamped> poses_;
+};
+
+}  // namespace devo

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The references (keyframes) made so far, and what of them the current view can see. A new reference holds only
+// what the older ones do not explain, so a space once seen keeps its first map and does not drift.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "devo/core/camera.h"
+#include "devo/core/local_map.h"
+#include "devo/core/options.h"
+#include "devo/core/rigid3.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class ReferenceMap {
+ public:
+  /// `camera`: of the undistorted event image.
+  ReferenceMap(const Camera& camera, const MappingOptions& options);
+
+  /// Depth of what is nearest in cells of the event image, at a known pose: hides the points behind it.
+  struct Occluder {
+    Rigid3 T_world_event;
+    cv::Mat1f nearest_depth_m;  ///< 0 where unknown
+    int cell_px = 1;
+  };
+
+  /// A point of the map in a view.
+  struct Visible {
+    int reference, point;
+    Eigen::Vector3f p_event;
+    float u, v;                ///< px
+    float normal_x, normal_y;  ///< of its edge in the view; 0, 0 unknown
+  };
+
+  /// Points inside the view's image (margin 2 px) that are not hidden by the occluder, if one is given.
+  std::vector<Visible> Project(const Rigid3& T_world_event, const Occluder* occluder) const;
+
+  /// For each edge of a surface, whether a visible point explains it: within 2 px and of similar direction.
+  std::vector<bool> ExplainedEdges(const Surface& surface, const std::vector<Visible>& visible) const;
+
+  /// Remembers how often each visible point met an edge when its motion should have made one, and drops
+  /// points that almost never do (noise, moving things, wrong depth).
+  void UpdateSupport(const Surface& surface, const std::vector<Visible>& visible, const Vector6d& velocity_event);
+
+  /// Adds a reference with `points` in its own frame. Returns its id.
+  int Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points);
+
+  /// At most max_points of the visible points, spread over the image, in the frame `ref` of a view at
+  /// `T_world_ref`; of several in one place, those that proved themselves.
+  std::vector<MapPoint> Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const;
+
+  /// All points, frame `world`.
+  std::vector<MapPoint> AllPoints() const;
+
+  struct Reference {
+    int id;
+    std::int64_t t_ns;
+    Rigid3 T_world_ref;
+    std::vector<MapPoint> points;      // frame `ref`
+    std::vector<float> expected, met;  // support of each point
+    Eigen::Vector3f center_ref;        // sphere around the points
+    float radius_m;
+  };
+  const std::vector<Reference>& references() const { return references_; }
+  bool empty() const { return references_.empty(); }
+  void Clear() {
+    references_.clear();
+    next_id_ = 0;
+  }
+
+ private:
+  bool InView(const Reference& reference, const Rigid3& T_event_ref) const;
+  void Prune(Reference* reference);
+
+  Camera camera_;
+  MappingOptions options_;
+  std::vector<Reference> references_;
+  int next_id_ = 0;
+};
+
+}  // namespace devo

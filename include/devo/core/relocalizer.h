@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Finding the pose again after it was lost: registration with a wide field of attraction, tried from several
+// poses and against the local maps of places seen before.
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "devo/core/alignment.h"
+#include "devo/core/camera.h"
+#include "devo/core/local_map.h"
+#include "devo/core/options.h"
+#include "devo/core/rigid3.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class Relocalizer {
+ public:
+  /// `camera`: of the undistorted event image.
+  Relocalizer(const Camera& camera, const OdometryOptions& options) : camera_(camera), options_(options) {}
+
+  /// Keeps the map as a place to return to, unless a kept one was made from nearly the same view.
+  void Remember(const LocalMapPtr& map);
+
+  struct Found {
+    Rigid3 T_world_event;
+    LocalMapPtr map;  ///< that it was registered to
+    AlignmentResult alignment;
+  };
+  /// The best registration to `map` started from each of `hypotheses` (T_world_event), and, `search_places` set, to the
+  /// next few remembered places started from their own views. Empty when none matches `min_share` of the points.
+  std::optional<Found> Search(const Surface& surface, const LocalMapPtr& map, const std::vector<Rigid3>& hypotheses,
+                              bool search_places, double min_share);
+
+  void Clear();
+
+ private:
+  std::vector<Rigid3> TurnedStarts(const Surface& wide, const LocalMap& map, const Rigid3& T_world_event) const;
+  void Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map, const Rigid3& T_world_event,
+           Found* best) const;
+
+  Camera camera_;
+  OdometryOptions options_;
+  std::deque<LocalMapPtr> places_;
+  std::size_t next_place_ = 0;
+};
+
+}  // namespace devo

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The time-surface module: events in, surfaces out (paper section III-B and DESIGN section 4).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "devo/core/camera.h"
+#include "devo/core/event.h"
+#include "devo/core/options.h"
+#include "devo/core/rigid3.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Not thread-safe; surfaces it returns are.
+class SurfaceBuilder {
+ public:
+  SurfaceBuilder(const Camera& event_camera, const SurfaceOptions& options);
+  ~SurfaceBuilder();
+
+  /// Consecutive events. Those outside the image or older than the last one are counted and left out. At
+  /// rates beyond what a surface uses only the newest are kept, so that the cost stays flat.
+  void Insert(EventSpan events);
+
+  /// The surface at `t_ns` from the events inserted so far (all should be before `t_ns`).
+  /// `velocity_event`: [v; omega], m/s and rad/s, of and in the event frame at `t_ns`.
+  SurfacePtr Render(std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& scene_depth);
+
+  /// Forgets all events; surfaces made later carry the next epoch.
+  void Reset();
+  std::uint64_t epoch() const;
+
+  struct Counters {
+    std::uint64_t in = 0;         ///< events given to Insert
+    std::uint64_t outside = 0;    ///< of these, outside the image
+    std::uint64_t unordered = 0;  ///< of these, older than one before
+    std::uint64_t noise = 0;      ///< of these, isolated or from hot pixels
+    std::uint64_t used = 0;       ///< events accumulated in surfaces (one event may serve several)
+  };
+  const Counters& counters() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace devo

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Surfaces whose buffers return when the last owner lets go, in whatever thread: fresh memory would cost more page
+/// faults than a surface costs to render. The pool may die before its surfaces. Thread-safe.
+class SurfacePool {
+ public:
+  /// A surface with the fields of a new one; its buffers are those of an old one, contents undefined.
+  std::shared_ptr<Surface> Take() {
+    std::unique_ptr<Surface> surface;
+    {
+      const std::lock_guard<std::mutex> lock(store_->mutex);
+      if (!store_->free.empty()) {
+        surface = std::move(store_->free.back());
+        store_->free.pop_back();
+      }
+    }
+    if (!surface) surface = std::make_unique<Surface>();
+    Surface fresh;
+    std::swap(fresh.image, surface->image);
+    std::swap(fresh.nearest_edge, surface->nearest_edge);
+    std::swap(fresh.edges, surface->edges);
+    fresh.edges.clear();
+    *surface = std::move(fresh);
+    return {surface.release(), [store = store_](Surface* used) { store->Return(std::unique_ptr<Surface>(used)); }};
+  }
+
+ private:
+  struct Store {
+    static constexpr std::size_t kMaxFree = 48;  // a mapper's history and some in flight
+    void Return(std::unique_ptr<Surface> surface) {
+      const std::lock_guard<std::mutex> lock(mutex);
+      if (free.size() < kMaxFree) free.push_back(std::move(surface));
+    }
+    std::mutex mutex;
+    std::vector<std::unique_ptr<Surface>> free;
+  };
+  std::shared_ptr<Store> store_ = std::make_shared<Store>();
+};
+
+}  // namespace devo

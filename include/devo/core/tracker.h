@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The tracking module (paper section III-D): one pose per surface.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "devo/core/alignment.h"
+#include "devo/core/camera.h"
+#include "devo/core/gyroscope.h"
+#include "devo/core/local_map.h"
+#include "devo/core/motion_filter.h"
+#include "devo/core/options.h"
+#include "devo/core/pose_estimate.h"
+#include "devo/core/pose_history.h"
+#include "devo/core/relocalizer.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class Tracker {
+ public:
+  /// `event_camera`: as calibrated; the tracker works in its undistorted image.
+  Tracker(const Camera& event_camera, const OdometryOptions& options);
+
+  /// The map to register to from now on. Maps of another epoch than the surfaces' are ignored.
+  void SetMap(LocalMapPtr map);
+
+  /// A gyroscope's sample, optional; before the surfaces later than it.
+  void AddImu(const ImuSample& sample) { gyroscope_.Add(sample); }
+
+  /// Pose at the surface's time; empty as long as there is no map. Surfaces must come in the order of their
+  /// time; one of a new epoch resets the tracker.
+  std::optional<PoseEstimate> Track(const Surface& surface);
+
+  /// Velocity for compensating the next surface: [v; omega], m/s and rad/s, of and in the event frame. Zero
+  /// before there are poses.
+  Vector6d MeanVelocity() const;
+
+  void Reset();
+
+ private:
+  void Register(const Surface& surface, PoseEstimate* pose);
+  bool EventsEndedSuddenly() const;
+  void LearnGyroscopeBias(const PoseEstimate& pose);
+  void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
+  void Coast(std::int64_t t_ns, PoseEstimate* pose);
+  bool Recover(const Surface& surface, AlignmentResult* result);
+  void UpdateState(PoseEstimate* pose);
+
+  OdometryOptions options_;
+  Camera camera_;
+  LocalMapPtr map_;
+  MotionFilter motion_;
+  Gyroscope gyroscope_;
+  PoseHistory history_;
+  Relocalizer relocalizer_;
+  std::uint64_t epoch_ = 0;
+  TrackingState state_ = TrackingState::kInitialising;
+  int bad_in_a_row_ = 0, suspicious_in_a_row_ = 0;
+  double usual_share_ = 0.5;      // of matched points while tracking
+  double usual_activity_hz_ = 0;  // while moving
+  std::int64_t last_active_ns_ = 0;
+  bool coasting_ = false;           // events ended while moving
+  bool coasted_ = false;            // and came back, but the pose has not been found yet
+  Rigid3 T_world_before_;           // last pose before tracking degraded
+  std::deque<double> activity_hz_;  // of the last surfaces, oldest first
+};
+
+}  // namespace devo

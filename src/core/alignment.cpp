@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/alignment.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <ceres/tiny_solver.h>
+
+#include "devo/core/alignment_problem.h"
+#include "devo/core/edge_motion.h"
+
+namespace devo {
+namespace {
+
+/// Points that should show in the surface, with what their edges look like from the start pose.
+std::vector<AlignmentPoint> PreparePoints(const std::vector<MapPoint>& points, const Surface& surface,
+                                          const Camera& camera, const Rigid3& T_event_ref,
+                                          const Vector6d& velocity_event) {
+  const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
+  std::vector<AlignmentPoint> prepared;
+  prepared.reserve(points.size());
+  for (const MapPoint& point : points) {
+    const Eigen::Vector3f p = R * point.p_ref + t;
+    if (p.z() < 0.05F) continue;
+    const Eigen::Vector2f u(static_cast<float>(camera.fx()) * p.x() / p.z() + static_cast<float>(camera.cx()),
+                            static_cast<float>(camera.fy()) * p.y() / p.z() + static_cast<float>(camera.cy()));
+    if (!camera.Contains(u.cast<double>(), 2)) continue;
+    AlignmentPoint out{point.p_ref, 0, 0, 0, 1};
+    if (!point.normal_ref.isZero()) {
+      const Eigen::Vector2f normal = ProjectNormal(point.normal_ref, R, p);
+      const float across_px =
+          normal.dot(ImageVelocity(velocity_event, p, camera)) * static_cast<float>(surface.window_s);
+      out.normal_x = normal.x();
+      out.normal_y = normal.y();
+      out.expected = VisibilityOfMotion(across_px);
+      out.polarity = std::abs(across_px) > kClearMotion_px ? -std::copysign(point.sign, point.sign * across_px) : 0.0F;
+    }
+    prepared.push_back(out);
+  }
+  return prepared;
+}
+
+void CountMatches(const AlignmentProblem& problem, const std::vector<AlignmentPoint>& points, const Camera& camera,
+                  AlignmentResult* result) {
+  const Eigen::Matrix3f R = result->T_event_ref.rotation().toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = result->T_event_ref.translation().cast<float>();
+  double expected = 0, met = 0, residual = 0;
+  int visible = 0, matched = 0;
+  for (const AlignmentPoint& point : points) {
+    const Eigen::Vector3f p = R * point.p_ref + t;
+    if (p.z() < 0.05F) continue;
+    const auto sample =
+        problem.SampleField(point, static_cast<float>(camera.fx()) * p.x() / p.z() + static_cast<float>(camera.cx()),
+                            static_cast<float>(camera.fy()) * p.y() / p.z() + static_cast<float>(camera.cy()));
+    ++visible;
+    expected += point.expected;
+    if (!sample.matched || std::abs(sample.value) > 0.5F * problem.truncation()) continue;
+    ++matched;
+    met += point.expected;
+    residual += std::abs(sample.value);
+  }
+  result->visible = visible;
+  result->matched = matched;
+  result->inlier_share = expected > 0 ? met / expected : 0;
+  result->mean_residual_px = matched > 0 ? residual / matched : 0;
+}
+
+}  // namespace
+
+AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
+                      const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options) {
+  const auto prepared = PreparePoints(points, surface, camera, prior.T_event_ref, velocity_event);
+  const AlignmentProblem problem(prepared, surface, camera, prior, prior.T_event_ref, options);
+
+  ceres::TinySolver<AlignmentProblem> solver;
+  solver.options.max_num_iterations = options.tracking.max_iterations;
+  solver.options.parameter_tolerance = 1e-6;
+  solver.options.function_tolerance = 3e-3;  // beyond it, matches flicker and the pose does not get better
+  Vector6d delta = Vector6d::Zero();
+  const auto summary = solver.Solve(problem, &delta);
+
+  AlignmentResult result;
+  result.T_event_ref = prior.T_event_ref * Exp(delta);
+  result.iterations = summary.iterations;
+  result.cost = summary.final_cost / std::max<std::size_t>(prepared.size(), 1);
+  std::vector<double> residuals(problem.NumResiduals()), jacobian(6 * problem.NumResiduals());
+  problem(delta.data(), residuals.data(), jacobian.data());
+  const Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6>> J(jacobian.data(), problem.NumResiduals(), 6);
+  result.information = J.topRows(prepared.size()).transpose() * J.topRows(prepared.size());
+  CountMatches(problem, prepared, camera, &result);
+  return result;
+}
+
+}  // namespace devo

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/alignment_problem.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/LU>
+
+#include "devo/core/edge_motion.h"
+
+namespace devo {
+namespace {
+
+constexpr float kMinDepth_m = 0.05F;
+
+/// Square root of Huber's loss, its sign that of `r`, and its derivative: half its square is the cost, so that a solver
+/// of plain least squares minimises the robust one (ceres: "corrector" of first order).
+struct RobustRoot {
+  RobustRoot(float r, float huber) {
+    const float a = std::abs(r);
+    if (a <= huber) {
+      value = r;
+      derivative = 1;
+    } else {
+      const float root = std::sqrt(2 * huber * a - huber * huber);
+      value = std::copysign(root, r);
+      derivative = huber / root;
+    }
+  }
+  float value, derivative;
+};
+
+}  // namespace
+
+AlignmentProblem::AlignmentProblem(const std::vector<AlignmentPoint>& points, const Surface& surface,
+                                   const Camera& camera, const PosePrior& prior, const Rigid3& T_event_ref,
+                                   const OdometryOptions& options)
+    : points_(points), surface_(surface), camera_(camera), prior_(prior), T_event_ref_(T_event_ref),
+      plain_(surface.nearest_edge.empty()),
+      truncation_(plain_ ? 1.0F : static_cast<float>(options.surface.truncation_px)),
+      huber_(truncation_ * static_cast<float>(options.tracking.huber_share)) {}
+
+AlignmentProblem::Sample AlignmentProblem::SampleField(const AlignmentPoint& point, float u, float v) const {
+  return plain_ ? SamplePlainSurface(u, v) : SampleNearestEdge(point, u, v);
+}
+
+AlignmentProblem::Sample AlignmentProblem::SampleNearestEdge(const AlignmentPoint& point, float u, float v) const {
+  const int x = static_cast<int>(u + 0.5F), y = static_cast<int>(v + 0.5F);
+  if (!(u >= 0 && v >= 0) || x >= surface_.width() || y >= surface_.height()) return {};
+  const int id = surface_.NearestEdge(x, y);
+  if (id < 0) return {};
+  const EdgePoint& edge = surface_.edges[id];
+  const bool known = point.normal_x != 0 || point.normal_y != 0;
+  if (known && std::abs(point.normal_x * edge.nx + point.normal_y * edge.ny) < kMinNormalCosine) return {};
+  // A match whose polarity speaks clearly against the expected one is another edge.
+  if (point.polarity * edge.polarity < -kClearPolarity) return {};
+  const float distance = edge.nx * (u - edge.x) + edge.ny * (v - edge.y);
+  return {std::abs(distance) < truncation_, distance, edge.nx, edge.ny};
+}
+
+AlignmentProblem::Sample AlignmentProblem::SamplePlainSurface(float u, float v) const {
+  const int x = static_cast<int>(u), y = static_cast<int>(v);
+  if (!(u >= 0 && v >= 0) || x + 1 >= surface_.width() || y + 1 >= surface_.height()) return {};
+  const float ax = u - x, ay = v - y;
+  const std::uint8_t *p = surface_.image[y] + x, *q = surface_.image[y + 1] + x;
+  // The negated surface (paper section III-D), bilinear between pixels.
+  const float top = p[0] + ax * (p[1] - p[0]), bottom = q[0] + ax * (q[1] - q[0]);
+  Sample sample;
+  sample.value = 1 - (top + ay * (bottom - top)) / 255;
+  sample.gradient_x = -((1 - ay) * (p[1] - p[0]) + ay * (q[1] - q[0])) / 255;
+  sample.gradient_y = -(bottom - top) / 255;
+  sample.matched = sample.value < 1;
+  return sample;
+}
+
+bool AlignmentProblem::operator()(const double* dtheta, double* residuals, double* jacobian) const {
+  const Eigen::Map<const Vector6d> delta(dtheta);
+  const Rigid3 T = T_event_ref_ * Exp(delta);
+  const Eigen::Matrix3f R = T.rotation().toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = T.translation().cast<float>();
+  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
+  const auto cx = static_cast<float>(camera_.cx()), cy = static_cast<float>(camera_.cy());
+  const float unmatched = RobustRoot(truncation_, huber_).value;
+  const int n = static_cast<int>(points_.size()), rows = NumResiduals();
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6>> J(jacobian, jacobian ? rows : 0, 6);
+  for (int i = 0; i < n; ++i) {
+    const AlignmentPoint& point = points_[i];
+    const Eigen::Vector3f p = R * point.p_ref + t;
+    Sample sample;
+    if (p.z() > kMinDepth_m) sample = SampleField(point, fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy);
+    const RobustRoot robust(sample.value, huber_);
+    // An edge that moves along itself shows little: what seems to match it is more often another.
+    const float weight = std::sqrt(point.expected);
+    residuals[i] = weight * (sample.matched ? robust.value : unmatched);
+    if (!jacobian) continue;
+    if (!sample.matched) {
+      J.row(i).setZero();
+      continue;
+    }
+    const float inverse_z = 1 / p.z(), a = fx * sample.gradient_x * inverse_z, b = fy * sample.gradient_y * inverse_z;
+    const Eigen::Vector3f g_event(a, b, -(a * p.x() + b * p.y()) * inverse_z);
+    const Eigen::Vector3f g_ref = (weight * robust.derivative) * (R.transpose() * g_event);
+    const Eigen::Vector3f moment = point.p_ref.cross(g_ref);
+    J(i, 0) = g_ref.x(), J(i, 1) = g_ref.y(), J(i, 2) = g_ref.z();
+    J(i, 3) = moment.x(), J(i, 4) = moment.y(), J(i, 5) = moment.z();
+  }
+  // Motion of the event frame away from the prior: E = T * T_prior^-1 = T_0 T_prior^-1 Exp(Ad(T_prior) delta).
+  const Vector6d error = Log(T * prior_.T_event_ref.inverse());
+  Eigen::Map<Vector6d>(residuals + n) = prior_.sqrt_information * error;
+  if (jacobian) {
+    // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
+    const Matrix6d J_r = RightJacobian(delta);
+    if (!delta.isZero()) J.topRows(n) = (J.topRows(n) * J_r).eval();
+    J.bottomRows<6>() = prior_.sqrt_information * RightJacobian(error).inverse() * Adjoint(prior_.T_event_ref) * J_r;
+  }
+  return true;
+}
+
+}  // namespace devo

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/mapper.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "devo/core/edge_motion.h"
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+constexpr std::size_t kMaxSurfaces = 32;  // 0.3 s at 100 Hz: the latency of a depth camera's driver
+constexpr std::size_t kMaxDepths = 8;
+// The first reference decides the scale of all that follows: it waits for enough edges.
+constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
+// The local map is composed anew when the view has moved by this share of the scene's depth, or this angle.
+constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
+constexpr std::size_t kExplainedStep = 8;
+
+}  // namespace
+
+Mapper::Mapper(const Rig& rig, const OdometryOptions& options)
+    : rig_(rig), options_(options), camera_(rig.event_camera.Undistorted()),
+      registration_(camera_, rig.depth_registered ? rig.event_camera : rig.depth_camera, options.mapping),
+      map_(camera_, options.mapping) {
+  if (rig_.depth_registered) rig_.T_event_depth = Rigid3();
+}
+
+void Mapper::Reset() {
+  surfaces_.clear();
+  depths_.clear();
+  poses_.Clear();
+  velocity_.setZero();
+  trackable_ = false;
+  map_.Clear();
+  occluder_.reset();
+  T_world_local_.reset();
+  scene_depth_ = SceneDepth();
+}
+
+void Mapper::AddSurface(SurfacePtr surface) {
+  if (surface->epoch != epoch_) {
+    Reset();
+    epoch_ = surface->epoch;
+  }
+  surfaces_.push_back(std::move(surface));
+  if (surfaces_.size() > kMaxSurfaces) surfaces_.pop_front();
+}
+
+void Mapper::AddPose(const PoseEstimate& pose) {
+  if (pose.epoch != epoch_) return;
+  poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
+  velocity_ = pose.velocity_event;
+  trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
+               pose.state == TrackingState::kRecovered;
+}
+
+void Mapper::AddDepth(const DepthImage& depth) {
+  ++counters_.depth_in;
+  depths_.push_back(depth);
+  if (depths_.size() > kMaxDepths) depths_.pop_front();
+}
+
+SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
+  SurfacePtr best;
+  for (const SurfacePtr& surface : surfaces_) {
+    if (!best || std::abs(surface->t_edges_ns - t_ns) < std::abs(best->t_edges_ns - t_ns)) best = surface;
+  }
+  return best;
+}
+
+LocalMapPtr Mapper::Update() {
+  bool changed = false;
+  while (!depths_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= depths_.front().t_ns) {
+    const DepthImage& depth = depths_.front();
+    // With a map, wait for the pose of the surface.
+    if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
+    const SurfacePtr surface = SurfaceFor(depth.t_ns);
+    const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
+    if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) changed |= Process(depth, surface);
+    depths_.pop_front();
+  }
+  return changed || ViewMoved() ? MakeLocalMap() : nullptr;
+}
+
+bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
+  Rigid3 T_world_event, T_surface_depthtime;
+  if (!map_.empty()) {
+    const auto T_world_surface = poses_.At(surface->t_edges_ns, 0.05), T_world_then = poses_.At(depth.t_ns, 0.05);
+    if (!T_world_surface || !T_world_then) return false;
+    T_world_event = *T_world_surface;
+    T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
+  }
+  if (registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges) == 0) {
+    ++counters_.depth_without_valid_pixel;
+    return false;
+  }
+  ++counters_.depth_used;
+  scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
+  occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
+  if (surface->still || (!map_.empty() && !trackable_)) return false;
+
+  if (!options_.mapping.reuse_references) {
+    if (!map_.empty() && !MovedSinceReference(T_world_event)) return false;
+    const auto previous = map_;
+    map_.Clear();
+    if (AddReference(*surface, T_world_event, std::vector<bool>(surface->edges.size(), false))) return true;
+    map_ = previous;
+    return false;
+  }
+  const auto visible = map_.Project(T_world_event, &*occluder_);
+  map_.UpdateSupport(*surface, visible, velocity_);
+  return AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
+}
+
+bool Mapper::MovedSinceReference(const Rigid3& T_world_event) const {
+  const Rigid3 T_ref_event = map_.references().back().T_world_ref.inverse() * T_world_event;
+  return T_ref_event.translation().norm() > options_.mapping.new_reference_distance_m ||
+         RotationAngle(T_ref_event) > options_.mapping.new_reference_angle_rad;
+}
+
+bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained) {
+  std::vector<MapPoint> points;
+  std::size_t with_depth = 0;
+  for (std::size_t i = 0; i < surface.edges.size(); ++i) {
+    // Of the explained edges a sample tells how many have depth.
+    if (explained[i] && i % kExplainedStep != 0) continue;
+    const EdgePoint& edge = surface.edges[i];
+    const auto depth = registration_.DepthAt(edge.x, edge.y);
+    if (!depth) continue;
+    with_depth += explained[i] ? kExplainedStep : 1;
+    if (!explained[i]) points.push_back(MakePoint(edge, depth->z_m, surface.window_s));
+  }
+  if (points.size() < (map_.empty() ? kMinPointsOfFirst : kMinPoints)) return false;
+  if (points.size() <= (1 - options_.mapping.min_coverage) * static_cast<double>(with_depth)) return false;
+  map_.Add(surface.t_edges_ns, T_world_event, std::move(points));
+  ++counters_.references;
+  return true;
+}
+
+MapPoint Mapper::MakePoint(const EdgePoint& edge, float z_m, double window_s) const {
+  MapPoint point;
+  point.p_ref =
+      z_m * Eigen::Vector3f((edge.x - static_cast<float>(camera_.cx())) / static_cast<float>(camera_.fx()),
+                            (edge.y - static_cast<float>(camera_.cy())) / static_cast<float>(camera_.fy()), 1);
+  point.normal_ref = Eigen::Vector3f(edge.nx, edge.ny, 0);
+  const float across_px = Eigen::Vector2f(edge.nx, edge.ny).dot(ImageVelocity(velocity_, point.p_ref, camera_)) *
+                          static_cast<float>(window_s);
+  // Where brightness grows along the normal, a pixel that the edge passes along the normal turns darker.
+  if (std::abs(across_px) > kClearMotion_px && std::abs(edge.polarity) > kClearPolarity) {
+    point.sign = std::copysign(1.0F, -edge.polarity * across_px);
+  }
+  return point;
+}
+
+bool Mapper::ViewMoved() const {
+  if (!options_.mapping.reuse_references || map_.empty() || !T_world_local_ || poses_.empty() || !trackable_)
+    return false;
+  const Rigid3 T_local_event = T_world_local_->inverse() * poses_.last();
+  const double depth_m = scene_depth_.median_m > 0 ? scene_depth_.median_m : 1.0;
+  return T_local_event.translation().norm() > kViewShare * depth_m || RotationAngle(T_local_event) > kViewAngle_rad;
+}
+
+LocalMapPtr Mapper::MakeLocalMap() {
+  auto local = std::make_shared<LocalMap>();
+  local->T_world_ref = poses_.empty() ? map_.references().back().T_world_ref : poses_.last();
+  local->t_ns = poses_.empty() ? map_.references().back().t_ns : poses_.last_time_ns();
+  local->epoch = epoch_;
+  local->id = local_maps_++;
+  const auto visible = map_.Project(local->T_world_ref, occluder_ ? &*occluder_ : nullptr);
+  local->points = map_.Select(visible, local->T_world_ref);
+  T_world_local_ = local->T_world_ref;
+  return local;
+}
+
+}  // namespace devo

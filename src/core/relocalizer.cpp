@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/relocalizer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "devo/core/crests.h"
+
+namespace devo {
+namespace {
+
+constexpr std::size_t kMaxPlaces = 100, kPlacesPerSearch = 3;
+constexpr double kSameView_m = 0.15, kSameView_rad = 0.15;
+// The attraction reaches this share of the image's width at first, then narrows to the tracker's own.
+constexpr double kWideShare = 0.035, kMiddleShare = 0.012;
+// Turns about the image's axes are tried on a grid: a turn moves all points alike, and most of what is missed in a
+// gap is turning. The grid's step is within the attraction.
+constexpr int kTurnSteps = 6;
+constexpr std::size_t kTurnsTried = 3, kPointsPerTurn = 300;
+
+Surface WithField(const Surface& surface, double radius_px) {
+  Surface wide = surface;  // images are shared, edges copied
+  wide.nearest_edge = cv::Mat1i(surface.height(), surface.width());
+  BuildNearestEdgeField(surface.edges, radius_px, &wide.nearest_edge);
+  return wide;
+}
+
+}  // namespace
+
+void Relocalizer::Clear() {
+  places_.clear();
+  next_place_ = 0;
+}
+
+void Relocalizer::Remember(const LocalMapPtr& map) {
+  for (LocalMapPtr& place : places_) {
+    const Rigid3 T_place_map = place->T_world_ref.inverse() * map->T_world_ref;
+    if (T_place_map.translation().norm() > kSameView_m || RotationAngle(T_place_map) > kSameView_rad) continue;
+    place = map;  // the newer map of a view has more of it
+    return;
+  }
+  places_.push_back(map);
+  if (places_.size() > kMaxPlaces) places_.pop_front();
+}
+
+std::vector<Rigid3> Relocalizer::TurnedStarts(const Surface& wide, const LocalMap& map,
+                                              const Rigid3& T_world_event) const {
+  const double step_rad = 1.5 * kWideShare * camera_.width() / camera_.fx();
+  const auto radius_px = static_cast<float>(kWideShare * camera_.width());
+  const Rigid3 T_event_ref = T_world_event.inverse() * map.T_world_ref;
+  const std::size_t stride = std::max<std::size_t>(1, map.points.size() / kPointsPerTurn);
+  std::vector<std::pair<float, Rigid3>> turns;  // score, T_world_event
+  for (int yaw = -kTurnSteps; yaw <= kTurnSteps; ++yaw) {
+    for (int pitch = -kTurnSteps; pitch <= kTurnSteps; ++pitch) {
+      const Rigid3 turn = Rigid3::Rotation(ExpSO3({pitch * step_rad, yaw * step_rad, 0}));
+      const Rigid3 T = turn * T_event_ref;
+      float score = 0;
+      for (std::size_t i = 0; i < map.points.size(); i += stride) {
+        const auto u = camera_.Project(T * map.points[i].p_ref.cast<double>());
+        if (!u || !camera_.Contains(*u, 1)) continue;
+        const int id = wide.NearestEdge(static_cast<int>(u->x() + 0.5), static_cast<int>(u->y() + 0.5));
+        if (id < 0) continue;
+        const float dx = static_cast<float>(u->x()) - wide.edges[id].x,
+                    dy = static_cast<float>(u->y()) - wide.edges[id].y;
+        score += std::max(0.0F, 1 - std::sqrt(dx * dx + dy * dy) / radius_px);
+      }
+      turns.emplace_back(score, T_world_event * turn.inverse());
+    }
+  }
+  const std::size_t kept = std::min(kTurnsTried, turns.size());
+  std::partial_sort(turns.begin(), turns.begin() + kept, turns.end(),
+                    [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Rigid3> starts;
+  for (std::size_t i = 0; i < kept; ++i) starts.push_back(turns[i].second);
+  return starts;
+}
+
+void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map, const Rigid3& T_world_event,
+                      Found* best) const {
+  // From wide to narrow; without prior, as what moved since is unknown.
+  OdometryOptions options = options_;
+  PosePrior start;
+  start.T_event_ref = T_world_event.inverse() * map->T_world_ref;
+  start.sqrt_information = 1e-3 * Matrix6d::Identity();
+  options.surface.truncation_px = kWideShare * surface.width();
+  start.T_event_ref = Align(map->points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
+  options.surface.truncation_px = std::max(options_.surface.truncation_px, kMiddleShare * surface.width());
+  start.T_event_ref = Align(map->points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
+  const AlignmentResult result = Align(map->points, surface, camera_, start, Vector6d::Zero(), options_);
+  if (best->map && result.inlier_share <= best->alignment.inlier_share) return;
+  *best = {map->T_world_ref * result.T_event_ref.inverse(), map, result};
+}
+
+std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, const LocalMapPtr& map,
+                                                      const std::vector<Rigid3>& hypotheses, bool search_places,
+                                                      double min_share) {
+  if (surface.nearest_edge.empty() || surface.edges.empty()) return std::nullopt;
+  const Surface wide = WithField(surface, kWideShare * surface.width());
+  Found best;
+  for (const Rigid3& T_world_event : hypotheses) {
+    Try(surface, wide, map, T_world_event, &best);
+    for (const Rigid3& start : TurnedStarts(wide, *map, T_world_event)) Try(surface, wide, map, start, &best);
+  }
+  if (search_places) {
+    for (std::size_t k = 0; k < std::min(kPlacesPerSearch, places_.size()); ++k) {
+      const LocalMapPtr& place = places_[next_place_++ % places_.size()];
+      Try(surface, wide, place, place->T_world_ref, &best);
+    }
+  }
+  if (!best.map || best.alignment.inlier_share < min_share) return std::nullopt;
+  return best;
+}
+
+}  // namespace devo

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/tracker.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "devo/core/alignment.h"
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+// Edge positions of neighbouring points err together; this many points count as one measurement.
+constexpr double kPointsPerMeasurement = 15;
+constexpr double kEdgeSigma_px = 0.5;
+// Surfaces are compensated with the mean velocity of this span, about that of their events: the filter's velocity is
+// newer, but noisier, and its noise would come back through the surfaces.
+constexpr double kVelocitySpan_s = 0.04;
+constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
+constexpr int kLostAfter = 20;  // poses in a row that matched next to nothing
+// A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
+constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
+constexpr int kSearchEvery = 4;
+constexpr double kUsualForgets_s = 0.5;
+// A camera slows down over several surfaces; where this many times the events of a standstill end within three
+// surfaces, it is the events that are missing.
+constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
+constexpr double kMaxCoast_s = 1;
+constexpr std::size_t kActivitySpan = 3;
+
+}  // namespace
+
+Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
+    : options_(options), camera_(event_camera.Undistorted()), motion_(options.tracking),
+      relocalizer_(camera_, options) {}
+
+void Tracker::SetMap(LocalMapPtr map) {
+  map_ = std::move(map);
+  relocalizer_.Remember(map_);
+}
+
+void Tracker::Reset() {
+  map_.reset();
+  motion_.Reset();
+  history_.Clear();
+  gyroscope_.Clear();
+  relocalizer_.Clear();
+  state_ = TrackingState::kInitialising;
+  bad_in_a_row_ = suspicious_in_a_row_ = 0;
+  usual_share_ = 0.5;
+  coasting_ = coasted_ = false;
+  activity_hz_.clear();
+  usual_activity_hz_ = 0;
+}
+
+Vector6d Tracker::MeanVelocity() const {
+  if (history_.empty()) return Vector6d::Zero();
+  const auto T_world_then = history_.At(history_.last_time_ns() - NsFromSeconds(kVelocitySpan_s));
+  return T_world_then ? Vector6d(Log(T_world_then->inverse() * history_.last()) / kVelocitySpan_s) : Vector6d::Zero();
+}
+
+std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
+  if (surface.epoch != epoch_) {
+    Reset();
+    epoch_ = surface.epoch;
+  }
+  if (!map_ || map_->epoch != surface.epoch) return std::nullopt;
+  if (!motion_.started()) motion_.Start(map_->t_ns, map_->T_world_ref);
+
+  PoseEstimate pose;
+  pose.t_ns = surface.t_ns;
+  pose.t_edges_ns = surface.t_edges_ns;
+  pose.epoch = surface.epoch;
+  pose.reference_id = map_->id;
+  coasting_ = surface.still && (coasting_ || EventsEndedSuddenly()) &&
+              SecondsFromNs(surface.t_ns - last_active_ns_) < kMaxCoast_s;
+  if (surface.t_edges_ns > motion_.time_ns()) {
+    if (!surface.still) {
+      Register(surface, &pose);
+    } else if (coasting_) {
+      Coast(surface.t_edges_ns, &pose);
+    } else {
+      HoldStill(surface.t_edges_ns, &pose);
+    }
+    history_.Add(motion_.time_ns(), motion_.pose());
+    LearnGyroscopeBias(pose);
+  }
+  if (!surface.still) {
+    usual_activity_hz_ += (surface.activity_hz - usual_activity_hz_) / (kUsualForgets_s * options_.surface.rate_hz);
+    last_active_ns_ = surface.t_ns;
+  }
+  activity_hz_.push_back(surface.activity_hz);
+  if (activity_hz_.size() > kActivitySpan) activity_hz_.pop_front();
+  pose.state = state_;
+  pose.t_edges_ns = motion_.time_ns();
+  pose.T_world_event_edges = motion_.pose();
+  const auto now = motion_.Predict(surface.t_ns);
+  pose.T_world_event = now.T_world_event;
+  pose.velocity_event = MeanVelocity();
+  pose.covariance_event = now.covariance;
+  return pose;
+}
+
+void Tracker::LearnGyroscopeBias(const PoseEstimate& pose) {
+  if (state_ != TrackingState::kTracking || pose.inlier_share < kSuspiciousShare * usual_share_) return;
+  const std::int64_t now_ns = history_.last_time_ns(), then_ns = now_ns - NsFromSeconds(kVelocitySpan_s);
+  if (history_.At(then_ns)) gyroscope_.LearnBias(then_ns, now_ns, MeanVelocity().tail<3>());
+}
+
+bool Tracker::EventsEndedSuddenly() const {
+  return !activity_hz_.empty() && activity_hz_.front() > kSuddenFactor * options_.surface.still_activity_hz &&
+         activity_hz_.front() > kSuddenShare * usual_activity_hz_;
+}
+
+void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
+  motion_.HoldStill(t_ns);
+  pose->inlier_share = 1;
+  if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
+}
+
+void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
+  if (suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
+  motion_.Coast(t_ns);
+  coasted_ = true;
+  UpdateState(pose);
+}
+
+void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
+  if (const auto turning = gyroscope_.Mean(motion_.time_ns(), surface.t_edges_ns)) {
+    motion_.MeasureAngularVelocity(*turning, SecondsFromNs(surface.t_edges_ns - motion_.time_ns()),
+                                   gyroscope_.sigma_rad_s());
+  }
+  const auto predicted = motion_.Predict(surface.t_edges_ns);
+  PosePrior prior;
+  prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
+  // The alignment counts in pixels per point: bring the prior to that scale.
+  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement);
+  const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
+  prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
+  AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
+  if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
+    Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
+    return;
+  }
+  const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
+  if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
+  if (suspicious && (coasted_ || suspicious_in_a_row_ % kSearchEvery == kSearchEvery - 1) &&
+      Recover(surface, &result)) {
+    motion_.Start(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
+    history_.Clear();
+    coasted_ = false;
+  } else {
+    // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
+    const Matrix6d A = Adjoint(result.T_event_ref.inverse());
+    motion_.Update(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse(),
+                   A.transpose() * result.information * A / (scale * scale));
+  }
+  pose->points_used = result.visible;
+  pose->inlier_share = result.inlier_share;
+  pose->mean_residual_px = result.mean_residual_px;
+  pose->iterations = result.iterations;
+  coasted_ = coasted_ && suspicious;
+  UpdateState(pose);
+}
+
+bool Tracker::Recover(const Surface& surface, AlignmentResult* result) {
+  const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
+  const auto found = relocalizer_.Search(surface, map_, {T_world_now, T_world_before_}, state_ == TrackingState::kLost,
+                                         std::max(0.5 * usual_share_, result->inlier_share + kBetterBy));
+  if (!found) return false;
+  *result = found->alignment;
+  map_ = found->map;
+  return true;
+}
+
+void Tracker::UpdateState(PoseEstimate* pose) {
+  bad_in_a_row_ = pose->inlier_share < kLostShare ? bad_in_a_row_ + 1 : 0;
+  suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
+  const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
+  usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
+  if (bad_in_a_row_ >= kLostAfter) {
+    state_ = TrackingState::kLost;
+  } else if (pose->inlier_share < kDegradedShare) {
+    if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;
+  } else {
+    state_ = state_ == TrackingState::kLost ? TrackingState::kRecovered : TrackingState::kTracking;
+  }
+}
+
+}  // namespace devo

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Error of an estimated trajectory against ground truth, as defined by Sturm et al., "A Benchmark for the Evaluation of
+// RGB-D SLAM Systems" (IROS 2012), with the relative pose error in the order of the DEVO paper.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "devo/io/trajectory.h"
+
+namespace devo {
+
+struct EvaluationOptions {
+  double max_gap_s = 0.1;       ///< ground truth is interpolated over shorter gaps only
+  double rpe_interval_s = 1.0;  ///< distance in time of the poses that the relative error compares
+};
+
+struct Evaluation {
+  std::size_t pairs = 0;      ///< estimated poses that have ground truth
+  std::size_t rpe_pairs = 0;  ///< pairs of them one interval apart; 0: no relative error
+  double ate_rmse_m = 0;      ///< after SE(3) alignment without scale
+  double ate_max_m = 0;
+  double rpe_rotation_rmse_deg = 0;
+  double rpe_translation_rmse_cm = 0;
+  double final_rotation_deg = 0;  ///< of the relative motion from the first to the last pair
+  double final_translation_m = 0;
+  double max_step_m = 0;     ///< largest change of the position error between consecutive estimates (jumps)
+  double coverage = 0;       ///< share of the ground truth's span that the estimate covers without gaps, 0..1
+  double path_length_m = 0;  ///< of the ground truth at the pairs
+  double drift_percent = 0;  ///< ATE in percent of the path's length
+  Rigid3 T_truth_estimate;   ///< the alignment
+};
+
+/// Associates by interpolating `truth` at the estimate's stamps. Throws std::runtime_error naming the spans of both
+/// when fewer than three poses have ground truth.
+Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const EvaluationOptions& options = {});
+
+/// Rigid transformation T minimising sum |truth_i - T estimate_i|^2 (Umeyama 1991 without scale). 3 x n each, n >= 1.
+Rigid3 AlignPoints(const Eigen::Matrix3Xd& truth, const Eigen::Matrix3Xd& estimate);
+
+/// As one JSON object.
+std::string ToJson(const Evaluation& evaluation);
+
+}  // namespace devo

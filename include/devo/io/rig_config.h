@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The configuration of one rig: topics, cameras, how they stand to each other, and the odometry's options.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "devo/core/camera.h"
+#include "devo/core/options.h"
+#include "devo/core/rigid3.h"
+
+namespace devo {
+
+/// Topics in bags. Empty: not used.
+struct Topics {
+  std::string events = "/events";
+  std::string event_camera_info;
+  std::string depth = "/depth/image_raw";
+  std::string depth_camera_info;
+  std::string points;
+  std::string imu;
+  std::string ground_truth;
+};
+
+/// Names of the cameras' optical frames, where those in the messages are empty or wrong.
+struct Frames {
+  std::string event;
+  std::string depth;
+};
+
+/// A data set's own calibration files, read by dataset_calibration.h. Empty: none.
+struct CalibrationFiles {
+  std::string format;
+  std::string path;
+};
+
+struct RigConfig {
+  Topics topics;
+  Frames frames;
+  CalibrationFiles calibration;
+  std::optional<Camera> event_camera;   ///< else CameraInfo of the bag or topic
+  std::optional<Camera> depth_camera;   ///< else CameraInfo of the bag or topic
+  std::optional<Rigid3> T_event_depth;  ///< else tf_static
+  std::optional<Rigid3> T_body_event;   ///< where ground truth is the pose of another body than the event camera
+  bool registered = false;              ///< depth is already in the (distorted) event image
+  double depth_time_offset_s = 0;       ///< added to the stamps of the depth images
+  double depth_scale = 1;               ///< depth in metres = depth_scale * depth as the images say
+  OdometryOptions odometry;
+};
+
+/// Calls `visit(key, value&, min, max, meaning)` for numbers, `visit(key, string&, choices, meaning)` for
+/// names, `visit(key, bool&, meaning)` and `visit(key, string&, meaning)` for the rest, once per plain setting of the
+/// rig. The cameras and transformations are groups of their own (see LoadRigConfig); the odometry's options are visited
+/// by VisitOptions.
+template <typename Config, typename Visitor>
+void VisitRig(Config& c, Visitor&& visit) {
+  visit("topics.events", c.topics.events, "EventArray or EventPacket");
+  visit("topics.event_camera_info", c.topics.event_camera_info, "CameraInfo, used when event_camera is not given");
+  visit("topics.depth", c.topics.depth, "Image, 16UC1 (mm) or 32FC1 (m), raw");
+  visit("topics.depth_camera_info", c.topics.depth_camera_info, "CameraInfo, used when depth_camera is not given");
+  visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR in place of depth images");
+  visit("topics.imu", c.topics.imu, "Imu, optional; turned into the event camera's frame by tf_static");
+  visit("topics.ground_truth", c.topics.ground_truth, "PoseStamped, Odometry or TransformStamped, for evaluation only");
+  visit("frames.event", c.frames.event, "event camera's optical frame; empty: as its messages say");
+  visit("frames.depth", c.frames.depth, "depth camera's optical frame; empty: as its messages say");
+  visit("calibration.format", c.calibration.format, "|vector|mvsec",
+        "whose files: VECtor's, MVSEC's (Kalibr); empty: none");
+  visit("calibration.path", c.calibration.path,
+        "VECtor: folder of its yaml files; MVSEC: camchain-imucam-<scene>.yaml");
+  visit("registered", c.registered, "depth is already in the event camera's (distorted) image");
+  visit("depth_time_offset_s", c.depth_time_offset_s, -10.0, 10.0,
+        "added to the depth's stamps: depth clock to event clock");
+  visit("depth_scale", c.depth_scale, 0.1, 10.0, "metres per metre that the depth camera reports");
+}
+
+/// Reads yaml files in order, later ones override earlier ones, then `overrides` (`key=value`, the key dotted as in
+/// `surface.rate_hz`, the value yaml). Besides the keys of VisitRig and VisitOptions there are
+///   event_camera, depth_camera:  {width, height, fx, fy, cx, cy, distortion_model, distortion_coefficients}, or the
+///   layout
+///                                of ROS camera_info files, or {file: PATH} to one, relative to the yaml;
+///   T_event_depth, T_body_event: 16 numbers row-major, four rows of four, {rows, cols, data}, or
+///                                {translation: [x, y, z], quaternion: [x, y, z, w]};
+/// What is not given there is taken from the files named by `calibration`. An empty group `{}` is as if it were not
+/// there. Throws std::invalid_argument naming file and key (unknown, with the nearest known one; of the wrong kind; out
+/// of range, with the range) or the file that cannot be read.
+RigConfig LoadRigConfig(const std::vector<std::string>& yaml_paths, const std::vector<std::string>& overrides = {});
+
+/// The same from yaml text; `name` stands for the file in messages, `directory` is where relative paths start.
+void ApplyYaml(const std::string& text, const std::string& name, const std::string& directory, RigConfig* config);
+
+/// A ROS camera_info file (camera_calibration_parsers layout; `camera_model:` is accepted for `distortion_model:`) or
+/// the short form above. Throws std::invalid_argument naming the file and key.
+Camera ReadCameraFile(const std::string& path);
+
+/// Every plain setting in use as `key: value` lines, in the order of the visits, to be logged.
+std::string Describe(const RigConfig& config);
+
+/// docs/parameters.md: a table of all keys with default, range and meaning.
+std::string ParametersMarkdown();
+
+}  // namespace devo

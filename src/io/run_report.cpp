@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/io/run_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include <nlohmann/json.hpp>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+using Json = nlohmann::json;
+
+Json StageJson(const std::vector<float>& ms) {
+  Json json;
+  json["count"] = ms.size();
+  json["p50"] = Percentile(ms, 0.5);
+  json["p95"] = Percentile(ms, 0.95);
+  json["p99"] = Percentile(ms, 0.99);
+  json["max"] = Percentile(ms, 1.0);
+  return json;
+}
+
+}  // namespace
+
+double Percentile(std::vector<float> values, double p) {
+  if (values.empty()) return 0;
+  const double rank = std::ceil(p * static_cast<double>(values.size()));
+  const std::size_t index = static_cast<std::size_t>(std::max(1.0, rank)) - 1;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(index), values.end());
+  return values[index];
+}
+
+void RunReport::AddPose(const PoseEstimate& estimate) {
+  ++poses_by_state_[static_cast<int>(estimate.state)];
+  if (estimate.state == TrackingState::kInitialising) return;
+  if (!first_reference_ns_) first_reference_ns_ = estimate.t_ns;
+  const bool lost = estimate.state == TrackingState::kLost;
+  if (lost && !lost_now_) lost_.push_back({estimate.t_ns, estimate.t_ns});
+  if (lost || lost_now_) lost_.back().end_ns = estimate.t_ns;
+  lost_now_ = lost;
+  if (!lost) trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
+}
+
+double RunReport::Coverage(std::int64_t end) const {
+  if (!first_reference_ns_ || end < *first_reference_ns_) return 0;
+  const double ticks = std::floor(SecondsFromNs(end - *first_reference_ns_) * rate_hz_ + 1e-6) + 1;
+  return std::min(1.0, static_cast<double>(trajectory_.size()) / ticks);
+}
+
+double RunReport::RealTimeFactor() const { return wall_s > 0 ? SecondsFromNs(end_ns - begin_ns) / wall_s : 0; }
+
+std::string RunReport::ToJson() const {
+  Json json;
+  json["error"] = error.empty() ? Json(nullptr) : Json(error);
+  json["warnings"] = warnings;
+  json["poses"] = trajectory_.size();
+  json["coverage"] = Coverage(end_ns);
+  for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,
+                           TrackingState::kLost, TrackingState::kRecovered}) {
+    json["poses_by_state"][ToString(state)] = poses_by_state_[static_cast<int>(state)];
+  }
+  json["lost_intervals"] = Json::array();
+  for (const Interval& lost : lost_) {
+    json["lost_intervals"].push_back(
+        {{"begin_s", SecondsFromNs(lost.begin_ns)}, {"end_s", SecondsFromNs(lost.end_ns)}});
+  }
+  json["references"] = counters.references;
+  json["map_points"] = map_points;
+  json["begin_s"] = SecondsFromNs(begin_ns);
+  json["end_s"] = SecondsFromNs(end_ns);
+  json["first_pose_s"] = trajectory_.empty() ? Json(nullptr) : Json(SecondsFromNs(trajectory_.front().t_ns));
+  json["path_length_m"] = PathLength(trajectory_);
+  const std::uint64_t dropped = counters.events_outside + counters.events_unordered;
+  json["events"] = {{"in", counters.events_in},
+                    {"used", counters.events_in - dropped},
+                    {"dropped", dropped},
+                    {"outside", counters.events_outside},
+                    {"unordered", counters.events_unordered},
+                    {"summed_over_surfaces", counters.events_used}};
+  json["depth_frames"] = {{"in", counters.depth_in},
+                          {"used", counters.depth_used},
+                          {"without_valid_pixel", counters.depth_without_valid_pixel},
+                          {"skipped_by_rate", depth_skipped_by_rate},
+                          {"unordered", depth_unordered}};
+  json["milliseconds"] = {{"time_surface", StageJson(timings.surface_ms)},
+                          {"mapping", StageJson(timings.mapping_ms)},
+                          {"tracking", StageJson(timings.tracking_ms)}};
+  json["wall_s"] = wall_s;
+  json["cpu_s"] = cpu_s;
+  json["real_time_factor"] = RealTimeFactor();
+  json["peak_memory_mb"] = peak_memory_mb;
+  json["evaluation"] = evaluation ? Json::parse(devo::ToJson(*evaluation)) : Json(nullptr);
+  json["configuration"] = configuration;
+  return json.dump(2);
+}
+
+std::string RunReport::Summary() const {
+  char line[256];
+  std::snprintf(line, sizeof(line),
+                "%zu poses, coverage %.1f %%, lost %zu times, %llu references, %.1f times real time\n",
+                trajectory_.size(), 100 * Coverage(end_ns), lost_.size(),
+                static_cast<unsigned long long>(counters.references), RealTimeFactor());
+  std::string text = line;
+  if (evaluation) {
+    std::snprintf(line, sizeof(line), "ATE %.2f cm (%.2f %% of %.2f m), ", 100 * evaluation->ate_rmse_m,
+                  evaluation->drift_percent, evaluation->path_length_m);
+    text += line;
+    if (evaluation->rpe_pairs > 0) {
+      std::snprintf(line, sizeof(line), "RPE over 1 s %.2f deg, %.2f cm\n", evaluation->rpe_rotation_rmse_deg,
+                    evaluation->rpe_translation_rmse_cm);
+    } else {
+      std::snprintf(line, sizeof(line), "first to last %.2f deg, %.2f cm\n", evaluation->final_rotation_deg,
+                    100 * evaluation->final_translation_m);
+    }
+    text += line;
+  }
+  return text;
+}
+
+}  // namespace devo

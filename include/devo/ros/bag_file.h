@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Random access to the messages of a ROS bag (format 2.0), whole or broken. rosbag::Bag opens neither a bag whose
+// recorder was killed (no index) nor one whose end is missing; here the index is made from the chunks themselves, and
+// whatever is readable is there.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace devo {
+
+/// A topic as one bag knows it; a topic recorded from several publishers is one of these.
+struct BagTopic {
+  std::string name, type, md5;
+};
+
+/// Where a message lies.
+struct BagEntry {
+  std::int64_t t_ns = 0;    ///< time of recording
+  std::uint32_t topic = 0;  ///< index into topics()
+  std::uint32_t chunk = 0;
+  std::uint32_t offset = 0;  ///< of the message's record in its chunk
+};
+
+struct ByteSpan {
+  const std::uint8_t* data = nullptr;
+  std::size_t size = 0;
+};
+
+class BagFile {
+ public:
+  /// Reads the index. Throws std::runtime_error naming the file when it is missing or no bag of format 2.0.
+  explicit BagFile(const std::string& path);
+
+  const std::string& path() const { return path_; }
+  const std::vector<BagTopic>& topics() const { return topics_; }
+  /// In the order of their recording.
+  const std::vector<BagEntry>& entries() const { return entries_; }
+  /// What is wrong with the file ("ends early at byte 1234 of ..."), empty when it is whole. Reading a chunk that turns
+  /// out to be damaged adds to it.
+  const std::string& defect() const { return defect_; }
+
+  /// The serialised message; valid until the next call. Empty (data == nullptr) when its chunk is damaged.
+  ByteSpan Read(const BagEntry& entry);
+
+ private:
+  struct Chunk {
+    std::uint64_t position = 0;  // of the compressed data in the file
+    std::uint32_t stored_size = 0, size = 0;
+    std::string compression;
+    bool indexed = false;
+  };
+  struct CachedChunk {
+    std::uint32_t chunk = 0;
+    std::uint64_t last_use = 0;
+    std::vector<std::uint8_t> data;
+  };
+  struct Record;
+
+  void Scan();
+  void AddChunk(const Record& record);
+  void AddIndex(const Record& record);
+  void AddConnection(const Record& record);
+  void IndexChunksWithoutIndex();
+  void FindMissingConnections();
+  void MapEntriesToTopics();
+  bool ReadRecord(std::uint64_t position, Record* record);
+  const std::vector<std::uint8_t>* LoadChunk(std::uint32_t chunk);
+  template <typename Visit>
+  void VisitChunk(std::uint32_t chunk, Visit&& visit);
+  void AddDefect(const std::string& what);
+
+  std::string path_;
+  std::ifstream file_;
+  std::uint64_t file_size_ = 0;
+  std::string defect_;
+  std::vector<Chunk> chunks_;
+  std::map<std::uint32_t, BagTopic> connections_;  // by the id in the file
+  std::vector<BagTopic> topics_;
+  std::vector<BagEntry> entries_;  // topic: connection id until MapEntriesToTopics
+  std::vector<CachedChunk> cache_;
+  std::uint64_t uses_ = 0;
+};
+
+}  // namespace devo

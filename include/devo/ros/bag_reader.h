@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The recordings of one rig, from any number of bags, as one stream in the order of data time.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <tf2/buffer_core.h>
+
+#include "devo/core/odometry.h"
+#include "devo/core/rig.h"
+#include "devo/io/rig_config.h"
+#include "devo/io/trajectory.h"
+#include "devo/ros/bag_file.h"
+#include "devo/ros/message_conversion.h"
+
+namespace devo {
+
+/// Consecutive events of one message. Shares the message's events, so that it may outlive the reader's next step.
+struct EventSlice {
+  std::shared_ptr<const std::vector<Event>> owner;
+  EventSpan events;
+};
+
+/// The pose that a ground-truth topic holds.
+struct GroundTruthPose {
+  StampedPose pose;
+};
+
+using BagItem = std::variant<EventSlice, DepthImage, ImuSample, GroundTruthPose>;
+
+/// Seconds from the beginning of the events.
+struct BagRange {
+  double start_s = 0;
+  double duration_s = std::numeric_limits<double>::infinity();
+};
+
+class BagReader {
+ public:
+  /// Opens the bags and finds the topics of `config`. Throws std::runtime_error naming the bag that cannot be opened,
+  /// the topic that is in none of them (and those that are), or the topic whose type is of no use (and those that are).
+  BagReader(const std::vector<std::string>& paths, const RigConfig& config, const BagRange& range = {});
+  ~BagReader();
+
+  /// Cameras and transformation: the configuration's where it gives them, else the bags' CameraInfo and tf_static.
+  /// Throws std::runtime_error or std::invalid_argument naming what is missing and where it was looked for.
+  Rig ReadRig();
+
+  /// The next item, in the order of data time: events by their own stamps (an array is cut where other data lies
+  /// between its events; header.stamp means something else in each driver), the rest by header.stamp, depth with
+  /// config.depth_time_offset_s added. Each topic is a stream of its own, of which a few messages are looked ahead, so
+  /// that neither the order nor the clock of recording matters. Empty at the end. Throws std::runtime_error naming the
+  /// topic of a message that cannot be used (wrong encoding; an IMU whose frame no tf_static connects with the event
+  /// frame). IMU samples are turned into the event frame.
+  std::optional<BagItem> Next();
+
+  std::int64_t begin_ns() const { return begin_ns_; }  ///< first event's time plus start
+  std::int64_t end_ns() const { return end_ns_; }      ///< largest int64 when the duration is not limited
+  double progress() const;                             ///< share of the event messages read, 0..1
+
+  /// What is wrong with the bags: one sentence each. Grows while reading.
+  std::vector<std::string> Defects() const;
+
+  /// Depth images and IMU samples that were not later than the one before, and so were left out.
+  std::uint64_t dropped_unordered() const { return dropped_unordered_; }
+
+ private:
+  struct Stream;
+
+  std::vector<std::size_t> FindTopic(const std::string& key, const std::string& topic, bool required,
+                                     const std::vector<std::string>& md5s, const std::string& types);
+  template <typename Message>
+  std::optional<Message> FirstMessage(const std::string& topic);
+  std::string TopicsInBags() const;
+  Camera CameraFor(const std::string& key, const std::optional<Camera>& configured, const std::string& info_topic);
+  std::string FrameFor(const std::string& configured, const std::string& info_topic, const std::string& data_topic);
+  Rigid3 DepthToEvent();
+  const tf2::BufferCore& Transforms();
+  ImuSample ImuInEventFrame(const sensor_msgs::Imu& message);
+  void FillAhead(Stream* stream);
+  bool Decode(Stream* stream, const BagEntry& entry);
+  BagItem TakeEvents(Stream* stream);
+
+  RigConfig config_;
+  std::vector<std::unique_ptr<BagFile>> bags_;
+  std::unique_ptr<tf2::BufferCore> transforms_;  // tf_static of all bags, once asked for
+  std::optional<std::string> event_frame_;       // once asked for
+  std::vector<std::unique_ptr<Stream>> streams_;
+  std::int64_t begin_ns_ = 0, end_ns_ = std::numeric_limits<std::int64_t>::max();
+  std::uint64_t dropped_unordered_ = 0;
+};
+
+}  // namespace devo

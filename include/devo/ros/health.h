@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// What one nodelet says about itself: inputs with their rates, what is missing in plain sentences, and /diagnostics.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/master.h>
+#include <ros/node_handle.h>
+
+#include "devo/ros/statistics.h"
+
+namespace devo {
+
+/// Topics and types that the master knows, asked once for all sentences of one report.
+using KnownTopics = ros::master::V_TopicInfo;
+
+/// What the master says about a topic, as the end of a sentence: "nobody publishes it; EventArray topics that exist:
+/// /dvs/events" or "it is advertised but nothing has come". `type`: name without package, such as "EventArray".
+std::string DescribeTopic(const KnownTopics& known, const std::string& topic, const std::string& type);
+
+/// One subscribed topic. Arrivals may be reported from any thread.
+class Input {
+ public:
+  Input(std::string role, std::string topic, std::string type);
+
+  /// `t_ns`: data time of the message.
+  void Arrived(std::int64_t t_ns);
+  bool HasArrived() const;
+
+  /// "No events: ..." while nothing has come, else empty.
+  std::string MissingSentence(const KnownTopics& known) const;
+  void Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
+
+ private:
+  std::string role_, topic_, type_;
+  mutable std::mutex mutex_;
+  RateMeter rate_;
+};
+
+class Health {
+ public:
+  using Fill = std::function<void(diagnostic_updater::DiagnosticStatusWrapper&)>;
+  using Missing = std::function<std::vector<std::string>(const KnownTopics&)>;
+
+  /// Reports once per second of wall time, also while no data and no clock comes.
+  Health(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
+
+  /// An input whose absence is reported: at once in /diagnostics, after 3 s in the log.
+  std::shared_ptr<Input> AddInput(const std::string& role, const std::string& topic, const std::string& type);
+
+  /// Sentences about other things that are missing (calibration, transformations).
+  void AddMissing(Missing missing);
+
+  /// A status of its own in /diagnostics. Added while the node is set up, before Start.
+  void AddTask(const std::string& name, Fill fill);
+
+  void Start();
+
+ private:
+  void Report(diagnostic_updater::DiagnosticStatusWrapper& status);
+  std::vector<std::string> MissingSentences();
+  void Tick();
+
+  ros::NodeHandle nh_, private_nh_;
+  std::string name_;
+  std::vector<std::pair<std::string, Fill>> tasks_;
+  std::unique_ptr<diagnostic_updater::Updater>
+      updater_;  // from Start: a refused parameter leaves no trace in the graph
+  std::vector<std::shared_ptr<Input>> inputs_;
+  std::vector<Missing> missing_;
+  std::vector<std::string> sentences_;
+  int ticks_ = 0;
+  int ticks_missing_ = 0;
+  ros::WallTimer timer_;
+};
+
+}  // namespace devo

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The IMU's messages as samples in the event frame. Never with a guessed rotation.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <diagnostic_updater/DiagnosticStatusWrapper.h>
+#include <ros/node_handle.h>
+#include <sensor_msgs/Imu.h>
+#include <tf2/buffer_core.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include "devo/core/imu.h"
+
+namespace devo {
+
+/// Samples arrive on the callback queue of the node handle; they may be taken from another thread.
+class ImuInput {
+ public:
+  /// `event_frame` is asked per sample, on the callback queue; empty: not known yet. `on_arrival` hears every message's
+  /// time.
+  ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::function<std::string()> event_frame,
+           std::function<void(std::int64_t)> on_arrival);
+
+  /// The waiting samples up to and with `t_ns`, oldest first.
+  std::vector<ImuSample> TakeUntil(std::int64_t t_ns);
+
+  void Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
+
+ private:
+  void OnImu(const sensor_msgs::Imu& message);
+  void OnTransforms(const tf2_msgs::TFMessage& message);
+
+  std::string topic_;
+  std::function<std::string()> event_frame_;
+  std::function<void(std::int64_t)> on_arrival_;
+  tf2::BufferCore transforms_;
+  mutable std::mutex mutex_;
+  std::deque<ImuSample> waiting_;
+  std::uint64_t accepted_ = 0, without_transform_ = 0, overflowed_ = 0;
+  ros::Subscriber imu_subscriber_, transform_subscriber_;
+};
+
+}  // namespace devo

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The mapping module as a ROS class: surfaces, poses and depth in, local maps and the scene's depth out.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <image_transport/image_transport.h>
+#include <ros/node_handle.h>
+#include <std_srvs/Trigger.h>
+
+#include "devo/core/mapper.h"
+#include "devo/ros/core_messages.h"
+#include "devo/ros/health.h"
+#include "devo/ros/rig_resolver.h"
+#include "devo/ros/worker.h"
+
+namespace devo {
+
+/// Gives the mapper surface and pose of one time together, in the order in which the offline runner does, and depth
+/// images as they come. Depth from another epoch (a bag played again) waits until the surfaces get there.
+class MappingNode {
+ public:
+  /// Throws std::invalid_argument naming the parameter or yaml key that is wrong, before anything is subscribed.
+  MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
+  ~MappingNode();
+
+ private:
+  using SurfaceConstPtr = boost::shared_ptr<const Surface>;
+  using PoseConstPtr = boost::shared_ptr<const PoseEstimate>;
+
+  void OnRig(const ResolvedRig& rig);
+  void OnSurface(const SurfaceConstPtr& surface);
+  void OnPose(const PoseConstPtr& pose);
+  void OnDepth(const sensor_msgs::ImageConstPtr& image);
+  bool OnSaveMap(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  void FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status);
+  std::int64_t TimeOf(const sensor_msgs::Image& image) const;
+
+  // On the worker's thread.
+  bool Step();
+  std::deque<sensor_msgs::ImageConstPtr> TakeDepth();
+  void AddDepth(const sensor_msgs::ImageConstPtr& image);
+  void Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEstimate& pose);
+  void Publish(const LocalMapPtr& map);
+  void PublishGlobalMap();
+  void DrawDepthOverlay(const DepthImage& depth);
+
+  ros::NodeHandle nh_, private_nh_;
+  RigConfig config_;
+  std::string odom_frame_, map_file_;
+  Rigid3 initial_pose_;
+  std::string base_frame_;
+  std::size_t depth_queue_size_;
+
+  std::mutex mutex_;
+  std::deque<SurfaceConstPtr> surfaces_;
+  std::deque<PoseConstPtr> answers_;  // what tracking made of them
+  std::deque<sensor_msgs::ImageConstPtr> depths_;
+  bool depth_awaits_epoch_ = false;  // its stamps went back: the surfaces' will
+  std::int64_t last_depth_ns_ = 0;
+  std::uint64_t surfaces_dropped_ = 0, depth_dropped_ = 0, depth_refused_ = 0;
+  std::unique_ptr<Mapper> new_mapper_;
+  ResolvedRig resolved_;
+  Rigid3 T_odom_world_;
+  Mapper::Counters counters_;
+  SceneDepth scene_depth_;
+  Quantiles mapping_ms_;
+  std::string failure_;
+  std::vector<MapPoint> global_map_;  // frame `world`
+  std::uint64_t epoch_ = 0;
+  std::int64_t surface_ns_ = 0;  // newest surface given to the mapper
+
+  // The worker's own.
+  std::unique_ptr<Mapper> mapper_;
+  SurfaceConstPtr last_surface_;
+  std::int64_t scene_depth_ns_ = 0;
+  bool global_map_wanted_ = false;
+
+  Health health_;
+  std::shared_ptr<Input> surface_input_, depth_input_;
+  std::unique_ptr<RigResolver> rig_;
+  image_transport::ImageTransport image_transport_;
+  image_transport::Publisher overlay_publisher_;
+  image_transport::Subscriber depth_subscriber_;
+  ros::Publisher map_publisher_, scene_depth_publisher_, local_cloud_publisher_, global_cloud_publisher_;
+  ros::Subscriber surface_subscriber_, pose_subscriber_;
+  ros::ServiceServer save_service_;
+  std::unique_ptr<Worker> worker_;  // last: joined before anything that it uses goes
+};
+
+}  // namespace devo

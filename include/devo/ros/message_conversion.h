@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Sensor messages to core types, for bags and for live topics.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
+#include <tf2/buffer_core.h>
+#include <Eigen/Geometry>
+
+#include "devo/EventArray.h"
+#include "devo/EventPacket.h"
+#include "devo/core/camera.h"
+#include "devo/core/depth_image.h"
+#include "devo/core/event.h"
+#include "devo/core/odometry.h"
+#include "devo/io/evt_decoder.h"
+
+namespace devo {
+
+/// Appends the events of a message, with their own stamps.
+void AppendEvents(const EventArray& message, std::vector<Event>* events);
+
+/// The same from a serialised EventArray (of dvs_msgs, prophesee_event_msgs or devo) without making the message: one
+/// copy from the bag's bytes to the events. Returns the header's frame_id. Throws std::runtime_error when the bytes are
+/// too few.
+std::string AppendSerializedEvents(const std::uint8_t* bytes, std::size_t size, std::vector<Event>* events);
+
+/// The other way round; header.stamp is the time of the last event. Bags of the simulator and tests are made of these.
+EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::string& frame_id);
+
+/// Decodes a stream of EventPackets. The sensor's clock is put on the host's by one constant offset, from the first
+/// packet with events: its header.stamp (arrival of its first bytes) minus its first event's time. A sensor that is
+/// restarted (encoding or size changes, sequence number falls) is put on the host's clock anew.
+class EventPacketConverter {
+ public:
+  /// Throws std::runtime_error naming an encoding that is not evt3 or evt2, or big-endian packets.
+  void Append(const EventPacket& message, std::vector<Event>* events);
+
+  const EvtDecoder* decoder() const { return decoder_ ? &*decoder_ : nullptr; }
+
+ private:
+  std::optional<EvtDecoder> decoder_;
+  std::optional<std::int64_t> offset_ns_;
+  std::uint64_t last_seq_ = 0;
+};
+
+/// 16UC1 (millimetres, 0 invalid) or 32FC1 (metres; NaN, infinite and not positive are invalid: REP-117, REP-118), of
+/// any row step and endianness; readings are multiplied by `scale`. Throws std::runtime_error naming any other
+/// encoding, or a step or data size that does not fit.
+DepthImage ToDepthImage(const sensor_msgs::Image& message, double scale = 1, std::int64_t time_offset_ns = 0);
+
+/// The camera of the image that is published: binning and region of interest are applied. Throws std::invalid_argument
+/// as Camera does (an uncalibrated camera has K = 0), and for a region of interest that is to be rectified.
+Camera ToCamera(const sensor_msgs::CameraInfo& message);
+
+/// How the IMU's axes lie in the event frame. The identity where `imu_frame` is empty (the message claims no frame of
+/// its own) or is the event frame; else from `transforms`. Throws std::runtime_error naming both frames where the event
+/// frame is empty (unknown) or the transformation is not there.
+Eigen::Quaterniond RotationOfImu(const std::string& imu_frame, const std::string& event_frame,
+                                 const tf2::BufferCore& transforms);
+
+/// Turned by `R_event_imu`. The acceleration stays that of the IMU's own place.
+ImuSample ToImuSample(const sensor_msgs::Imu& message, const Eigen::Quaterniond& R_event_imu);
+
+}  // namespace devo

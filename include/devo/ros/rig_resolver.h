@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Completes the rig of the configuration with what the robot publishes: CameraInfo and tf_static. Never with a guess.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <ros/node_handle.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <tf2/buffer_core.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include "devo/core/rig.h"
+#include "devo/io/rig_config.h"
+#include "devo/ros/health.h"
+
+namespace devo {
+
+struct ResolvedRig {
+  Rig rig;                             ///< depth camera and T_event_depth only where they were asked for
+  std::string event_frame;             ///< as configured, else of the CameraInfo, else "event_camera"
+  std::optional<Rigid3> T_event_base;  ///< where a base frame was asked for
+};
+
+/// Not thread-safe: lives on its node's callback queue.
+class RigResolver {
+ public:
+  struct Need {
+    bool depth = false;        ///< the depth camera and T_event_depth
+    bool event_frame = false;  ///< event_frame() is asked for; not waited for
+    std::string base_frame;    ///< T_event_base from tf_static; empty: not needed
+  };
+
+  /// `on_resolved` is called once, from Start or from a callback on the queue of `nh`.
+  RigResolver(const ros::NodeHandle& nh, const RigConfig& config, Need need,
+              std::function<void(const ResolvedRig&)> on_resolved);
+
+  /// Subscribes to what the configuration leaves open.
+  void Start();
+
+  /// The frame that the depth's own messages name, used when nothing else does.
+  void SetDepthFrame(const std::string& frame);
+
+  /// As configured, else of the CameraInfo; empty while neither says.
+  const std::string& event_frame() const { return event_.frame; }
+
+  bool resolved() const { return resolved_; }
+
+  /// One sentence per missing piece: what, where it was looked for, what exists there.
+  std::vector<std::string> Missing(const KnownTopics& known) const;
+
+ private:
+  struct CameraSource {
+    std::string name, topic;  // "event_camera"; its CameraInfo
+    std::optional<Camera> camera;
+    std::string frame, refused;  // frame_id; why the last CameraInfo was no calibration
+    ros::Subscriber subscriber;
+  };
+
+  void Subscribe(CameraSource* source);
+  void OnCameraInfo(CameraSource* source, const sensor_msgs::CameraInfo& info);
+  void OnTransforms(const tf2_msgs::TFMessage& message);
+  std::optional<Rigid3> Lookup(const std::string& target, const std::string& source) const;
+  bool NeedsDepthCamera() const { return need_.depth && !config_.registered; }
+  std::string MissingCamera(const KnownTopics& known, const CameraSource& source) const;
+  std::string MissingTransform(const std::string& key, const std::string& a, const std::string& b) const;
+  void TryToResolve();
+
+  ros::NodeHandle nh_;
+  RigConfig config_;
+  Need need_;
+  std::function<void(const ResolvedRig&)> on_resolved_;
+  CameraSource event_, depth_;
+  tf2::BufferCore transforms_;
+  ros::Subscriber transform_subscriber_;
+  bool resolved_ = false;
+};
+
+}  // namespace devo

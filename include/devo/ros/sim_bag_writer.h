@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <geometry_msgs/PoseStamped.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include "devo/sim/sequence.h"
+
+namespace devo {
+
+/// Simulated data as messages; used for bags and by the simulated sensor.
+sensor_msgs::CameraInfo ToCameraInfoMsg(const Camera& camera, std::int64_t t_ns, const std::string& frame_id);
+/// 16UC1 millimetres (0: invalid), rounded, or 32FC1 metres (NaN: invalid).
+sensor_msgs::Image ToDepthMsg(const DepthImage& depth, const std::string& encoding, const std::string& frame_id);
+sensor_msgs::Image ToFrameMsg(const sim::Frame& frame, const std::string& frame_id);
+sensor_msgs::Imu ToImuMsg(const ImuSample& sample, const std::string& frame_id);
+geometry_msgs::PoseStamped ToPoseMsg(std::int64_t t_ns, const Rigid3& T_frame_body, const std::string& frame_id);
+/// Fields x y z intensity (float32), ring (uint16), time (float32, s after header.stamp), as velodyne_driver lays them.
+sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::string& frame_id);
+
+enum class BagDialect {
+  kPlain,   ///< this package's topics: NAME.bag, NAME.yaml (configuration), NAME_groundtruth.txt
+  kMvsec,   ///< NAME_data.bag, NAME_gt.bag, NAME_calib/ as MVSEC's files
+  kVector,  ///< NAME.synced.<sensor>.bag (bz2, one topic each) and NAME_calib/ as VECtor's files
+};
+/// plain, mvsec or vector; else std::invalid_argument naming it.
+BagDialect BagDialectOf(const std::string& name);
+
+/// Writes a sequence as bags and calibration files.
+class SimBagWriter {
+ public:
+  virtual ~SimBagWriter() = default;
+  virtual void Write(const sim::Chunk& chunk) = 0;
+  /// Completes the files. Without it bags have no index.
+  virtual void Close() = 0;
+  /// Files written, for telling the user.
+  const std::vector<std::string>& files() const { return files_; }
+
+  /// `stem`: path without extension; its directory must exist, else std::runtime_error naming it.
+  static std::unique_ptr<SimBagWriter> Create(BagDialect dialect, const std::string& stem,
+                                              const sim::Sequence& sequence);
+
+ protected:
+  std::vector<std::string> files_;
+};
+
+}  // namespace devo

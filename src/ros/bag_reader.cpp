@@ -1,0 +1,379 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/bag_reader.h"
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+
+#include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/message_traits.h>
+#include <ros/serialization.h>
+#include <std_msgs/Header.h>
+#include <tf2/buffer_core.h>
+#include <tf2/exceptions.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include "devo/core/time.h"
+#include "devo/ros/conversions.h"
+#include "devo/ros/deserialise.h"
+
+namespace devo {
+namespace {
+
+// Messages of one topic may have been recorded in another order than they were made, by some places.
+constexpr std::size_t kLookAhead = 4;
+
+template <typename Message>
+std::string Md5() {
+  return ros::message_traits::MD5Sum<Message>::value();
+}
+
+StampedPose PoseFrom(const std::string& md5, const ByteSpan& bytes) {
+  if (md5 == Md5<geometry_msgs::PoseStamped>()) {
+    const auto m = Deserialise<geometry_msgs::PoseStamped>(bytes);
+    return {FromRosTime(m.header.stamp), FromPoseMsg(m.pose)};
+  }
+  if (md5 == Md5<nav_msgs::Odometry>()) {
+    const auto m = Deserialise<nav_msgs::Odometry>(bytes);
+    return {FromRosTime(m.header.stamp), FromPoseMsg(m.pose.pose)};
+  }
+  const auto m = Deserialise<geometry_msgs::TransformStamped>(bytes);
+  return {FromRosTime(m.header.stamp), FromTransformMsg(m.transform)};
+}
+
+enum class Role { kDepth, kImu, kGroundTruth, kEvents };
+
+}  // namespace
+
+/// One topic of one bag.
+struct BagReader::Stream {
+  struct Ahead {
+    std::int64_t t_ns;
+    BagItem item;
+  };
+
+  Role role = Role::kEvents;
+  BagFile* bag = nullptr;
+  std::string topic, md5;
+  std::string error;  // of the first message that cannot be used
+  std::vector<BagEntry> entries;
+  std::size_t next = 0;
+  std::deque<Ahead> ahead;  // ordered by time
+  EventPacketConverter packets;
+  std::int64_t last_ns = std::numeric_limits<std::int64_t>::min();
+};
+
+BagReader::~BagReader() = default;
+
+BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& config, const BagRange& range)
+    : config_(config) {
+  if (paths.empty()) throw std::runtime_error("no bag is given, expected at least one");
+  for (const std::string& path : paths) bags_.push_back(std::make_unique<BagFile>(path));
+  const Topics& topics = config_.topics;
+  if (!topics.points.empty()) {
+    throw std::runtime_error("topic '" + topics.points +
+                             "' (key 'topics.points'): point clouds are not read from bags, " +
+                             "expected depth images (key 'topics.depth')");
+  }
+  const std::vector<std::pair<Role, std::vector<std::size_t>>> found = {
+      {Role::kDepth, FindTopic("topics.depth", topics.depth, true, {Md5<sensor_msgs::Image>()}, "sensor_msgs/Image")},
+      {Role::kImu, FindTopic("topics.imu", topics.imu, false, {Md5<sensor_msgs::Imu>()}, "sensor_msgs/Imu")},
+      {Role::kGroundTruth,
+       FindTopic("topics.ground_truth", topics.ground_truth, false,
+                 {Md5<geometry_msgs::PoseStamped>(), Md5<nav_msgs::Odometry>(), Md5<geometry_msgs::TransformStamped>()},
+                 "geometry_msgs/PoseStamped, nav_msgs/Odometry or geometry_msgs/TransformStamped")},
+      {Role::kEvents,
+       FindTopic("topics.events", topics.events, true, {Md5<EventArray>(), Md5<EventPacket>()},
+                 "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket")}};
+  const std::string names[] = {topics.depth, topics.imu, topics.ground_truth, topics.events};
+  for (const auto& role : found) {
+    for (const std::size_t b : role.second) {
+      auto stream = std::make_unique<Stream>();
+      stream->role = role.first;
+      stream->bag = bags_[b].get();
+      stream->topic = names[static_cast<int>(role.first)];
+      for (const BagEntry& entry : stream->bag->entries()) {
+        if (stream->bag->topics()[entry.topic].name == stream->topic) stream->entries.push_back(entry);
+      }
+      if (stream->entries.empty()) continue;
+      stream->md5 = stream->bag->topics()[stream->entries.front().topic].md5;
+      streams_.push_back(std::move(stream));
+    }
+  }
+  std::int64_t first_ns = std::numeric_limits<std::int64_t>::max();
+  for (const auto& stream : streams_) {
+    if (stream->role != Role::kEvents) continue;
+    FillAhead(stream.get());
+    if (!stream->ahead.empty()) first_ns = std::min(first_ns, stream->ahead.front().t_ns);
+  }
+  if (first_ns == std::numeric_limits<std::int64_t>::max()) {
+    throw std::runtime_error("topic '" + topics.events +
+                             "' (key 'topics.events') holds no events, expected at least one");
+  }
+  begin_ns_ = first_ns + NsFromSeconds(range.start_s);
+  if (range.duration_s < 1e9) end_ns_ = begin_ns_ + NsFromSeconds(range.duration_s);
+  // Depth from before the first event is welcome unless the caller cut it off.
+  const bool cut = range.start_s > 0;
+  if (!cut) begin_ns_ = first_ns;
+  for (const auto& stream : streams_) stream->last_ns = cut ? begin_ns_ - 1 : stream->last_ns;
+}
+
+std::string BagReader::TopicsInBags() const {
+  std::set<std::string> names;
+  for (const auto& bag : bags_) {
+    for (const BagTopic& topic : bag->topics()) names.insert(topic.name + " (" + topic.type + ")");
+  }
+  if (names.empty()) return "the bags hold no messages";
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return "the bags hold: " + list;
+}
+
+std::vector<std::size_t> BagReader::FindTopic(const std::string& key, const std::string& topic, bool required,
+                                              const std::vector<std::string>& md5s, const std::string& types) {
+  std::vector<std::size_t> found;
+  if (topic.empty()) {
+    if (required) throw std::runtime_error("key '" + key + "' is empty, expected a topic; " + TopicsInBags());
+    return found;
+  }
+  for (std::size_t b = 0; b < bags_.size(); ++b) {
+    for (const BagTopic& candidate : bags_[b]->topics()) {
+      if (candidate.name != topic) continue;
+      if (std::find(md5s.begin(), md5s.end(), candidate.md5) == md5s.end()) {
+        throw std::runtime_error("topic '" + topic + "' (key '" + key + "') has type " + candidate.type + " (md5 " +
+                                 candidate.md5 + "), expected " + types);
+      }
+      if (found.empty() || found.back() != b) found.push_back(b);
+    }
+  }
+  if (found.empty() && required) {
+    throw std::runtime_error("topic '" + topic + "' (key '" + key + "') is in none of the bags, expected " + types +
+                             "; " + TopicsInBags());
+  }
+  return found;
+}
+
+template <typename Message>
+std::optional<Message> BagReader::FirstMessage(const std::string& topic) {
+  for (const auto& bag : bags_) {
+    for (const BagEntry& entry : bag->entries()) {
+      if (bag->topics()[entry.topic].name != topic) continue;
+      const ByteSpan bytes = bag->Read(entry);
+      if (bytes.data != nullptr) return Deserialise<Message>(bytes);
+    }
+  }
+  return std::nullopt;
+}
+
+Camera BagReader::CameraFor(const std::string& key, const std::optional<Camera>& configured,
+                            const std::string& info_topic) {
+  if (configured) return *configured;
+  const std::string info_key = "topics." + key + "_info";
+  if (info_topic.empty()) {
+    throw std::runtime_error("no CameraInfo: neither key '" + key + "' nor key '" + info_key +
+                             "' is given, expected one");
+  }
+  FindTopic(info_key, info_topic, true, {Md5<sensor_msgs::CameraInfo>()},
+            "sensor_msgs/CameraInfo or key '" + key + "'");
+  const auto info = FirstMessage<sensor_msgs::CameraInfo>(info_topic);
+  if (!info) {
+    throw std::runtime_error("topic '" + info_topic + "' (key '" + info_key +
+                             "') has no readable message, expected a CameraInfo");
+  }
+  try {
+    return ToCamera(*info);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument("topic '" + info_topic + "' (key '" + info_key + "'): " + e.what() + "; or give key '" +
+                                key + "'");
+  }
+}
+
+std::string BagReader::FrameFor(const std::string& configured, const std::string& info_topic,
+                                const std::string& data_topic) {
+  if (!configured.empty()) return WithoutLeadingSlash(configured);
+  for (const std::string& topic : {info_topic, data_topic}) {
+    const auto header = topic.empty() ? std::nullopt : FirstMessage<std_msgs::Header>(topic);
+    if (header && !header->frame_id.empty()) return WithoutLeadingSlash(header->frame_id);
+  }
+  return "";
+}
+
+const tf2::BufferCore& BagReader::Transforms() {
+  if (transforms_) return *transforms_;
+  transforms_ = std::make_unique<tf2::BufferCore>();
+  for (const auto& bag : bags_) {
+    for (const BagEntry& entry : bag->entries()) {
+      const BagTopic& topic = bag->topics()[entry.topic];
+      if (WithoutLeadingSlash(topic.name) != "tf_static" || topic.md5 != Md5<tf2_msgs::TFMessage>()) continue;
+      const ByteSpan bytes = bag->Read(entry);
+      if (bytes.data == nullptr) continue;
+      for (auto transform : Deserialise<tf2_msgs::TFMessage>(bytes).transforms) {
+        transform.header.frame_id = WithoutLeadingSlash(transform.header.frame_id);
+        transform.child_frame_id = WithoutLeadingSlash(transform.child_frame_id);
+        transforms_->setTransform(transform, bag->path(), true);
+      }
+    }
+  }
+  return *transforms_;
+}
+
+ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
+  if (!event_frame_)
+    event_frame_ = FrameFor(config_.frames.event, config_.topics.event_camera_info, config_.topics.events);
+  return ToImuSample(message, RotationOfImu(message.header.frame_id, *event_frame_, Transforms()));
+}
+
+Rigid3 BagReader::DepthToEvent() {
+  if (config_.T_event_depth) return *config_.T_event_depth;
+  const std::string hint = "; expected key 'T_event_depth', '/tf_static' in a bag, or 'registered: true'";
+  const Topics& topics = config_.topics;
+  const std::string event = FrameFor(config_.frames.event, topics.event_camera_info, topics.events);
+  const std::string depth = FrameFor(config_.frames.depth, topics.depth_camera_info, topics.depth);
+  if (event.empty() || depth.empty()) {
+    throw std::runtime_error(std::string("no extrinsics: the ") + (event.empty() ? "event" : "depth") +
+                             " camera's messages name no frame_id (key 'frames." + (event.empty() ? "event" : "depth") +
+                             "')" + hint);
+  }
+  try {
+    return FromTransformMsg(Transforms().lookupTransform(event, depth, ros::Time(0)).transform);
+  } catch (const tf2::TransformException& e) {
+    throw std::runtime_error("no extrinsics from frame '" + depth + "' to frame '" + event + "': " + e.what() + hint);
+  }
+}
+
+Rig BagReader::ReadRig() {
+  Rig rig;
+  rig.event_camera = CameraFor("event_camera", config_.event_camera, config_.topics.event_camera_info);
+  rig.depth_registered = config_.registered;
+  if (config_.registered) {
+    rig.depth_camera = rig.event_camera;
+    return rig;
+  }
+  rig.depth_camera = CameraFor("depth_camera", config_.depth_camera, config_.topics.depth_camera_info);
+  rig.T_event_depth = DepthToEvent();
+  return rig;
+}
+
+bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
+  const ByteSpan bytes = stream->bag->Read(entry);
+  if (bytes.data == nullptr) return false;
+  Stream::Ahead ahead{0, EventSlice()};
+  if (stream->role == Role::kEvents) {
+    auto events = std::make_shared<std::vector<Event>>();
+    if (stream->md5 == Md5<EventPacket>()) {
+      stream->packets.Append(Deserialise<EventPacket>(bytes), events.get());
+    } else {
+      AppendSerializedEvents(bytes.data, bytes.size, events.get());
+    }
+    if (events->empty()) return false;
+    ahead.t_ns = events->front().t_ns;
+    EventSlice slice;
+    slice.events = EventSpan(*events);
+    slice.owner = std::move(events);
+    ahead.item = std::move(slice);
+  } else if (stream->role == Role::kDepth) {
+    DepthImage depth = ToDepthImage(Deserialise<sensor_msgs::Image>(bytes), config_.depth_scale,
+                                    NsFromSeconds(config_.depth_time_offset_s));
+    ahead.t_ns = depth.t_ns;
+    ahead.item = std::move(depth);
+  } else if (stream->role == Role::kImu) {
+    const ImuSample sample = ImuInEventFrame(Deserialise<sensor_msgs::Imu>(bytes));
+    ahead.t_ns = sample.t_ns;
+    ahead.item = sample;
+  } else {
+    const GroundTruthPose pose{PoseFrom(stream->md5, bytes)};
+    ahead.t_ns = pose.pose.t_ns;
+    ahead.item = pose;
+  }
+  const auto place = std::upper_bound(stream->ahead.begin(), stream->ahead.end(), ahead.t_ns,
+                                      [](std::int64_t t, const Stream::Ahead& other) { return t < other.t_ns; });
+  stream->ahead.insert(place, std::move(ahead));
+  return true;
+}
+
+void BagReader::FillAhead(Stream* stream) {
+  while (stream->ahead.size() < kLookAhead && stream->next < stream->entries.size() && stream->error.empty()) {
+    const BagEntry& entry = stream->entries[stream->next++];
+    try {
+      Decode(stream, entry);
+    } catch (const std::exception& e) {  // a stream overrun of roscpp says nothing about where
+      stream->error = "bag '" + stream->bag->path() + "', topic '" + stream->topic + "': " + e.what();
+    }
+  }
+  // What was looked ahead before the bad message comes out first.
+  if (stream->ahead.empty() && !stream->error.empty()) throw std::runtime_error(stream->error);
+}
+
+BagItem BagReader::TakeEvents(Stream* stream) {
+  std::int64_t limit_ns = end_ns_;
+  for (const auto& other : streams_) {
+    if (other.get() != stream && !other->ahead.empty()) limit_ns = std::min(limit_ns, other->ahead.front().t_ns);
+  }
+  Stream::Ahead& front = stream->ahead.front();
+  auto& rest = std::get<EventSlice>(front.item);
+  EventSlice slice = rest;
+  const Event* end = slice.events.end();
+  if ((end - 1)->t_ns > limit_ns) {
+    end = std::upper_bound(slice.events.begin(), end, limit_ns,
+                           [](std::int64_t t, const Event& e) { return t < e.t_ns; });
+    end = std::max(end, slice.events.begin() + 1);  // unordered events must not stop the stream
+  }
+  slice.events.size = static_cast<std::size_t>(end - slice.events.begin());
+  if (end == rest.events.end()) {
+    stream->ahead.pop_front();
+    FillAhead(stream);
+  } else {
+    rest.events = EventSpan(end, rest.events.size - slice.events.size);
+    front.t_ns = rest.events.data->t_ns;
+  }
+  return slice;
+}
+
+std::optional<BagItem> BagReader::Next() {
+  for (;;) {
+    Stream* first = nullptr;
+    for (const auto& stream : streams_) {
+      FillAhead(stream.get());
+      if (stream->ahead.empty()) continue;
+      if (first == nullptr || stream->ahead.front().t_ns < first->ahead.front().t_ns) first = stream.get();
+    }
+    if (first == nullptr || first->ahead.front().t_ns >= end_ns_) return std::nullopt;
+    const std::int64_t t_ns = first->ahead.front().t_ns;
+    if (first->role == Role::kEvents) {
+      BagItem item = TakeEvents(first);
+      auto& slice = std::get<EventSlice>(item);
+      if (slice.events.end()[-1].t_ns < begin_ns_) continue;
+      return item;
+    }
+    BagItem item = std::move(first->ahead.front().item);
+    first->ahead.pop_front();
+    if (t_ns <= first->last_ns) {
+      if (t_ns >= begin_ns_) ++dropped_unordered_;
+      continue;
+    }
+    first->last_ns = t_ns;
+    return item;
+  }
+}
+
+double BagReader::progress() const {
+  std::size_t done = 0, all = 0;
+  for (const auto& stream : streams_) {
+    if (stream->role != Role::kEvents) continue;
+    done += stream->next;
+    all += stream->entries.size();
+  }
+  return all > 0 ? static_cast<double>(done) / static_cast<double>(all) : 1.0;
+}
+
+std::vector<std::string> BagReader::Defects() const {
+  std::vector<std::string> defects;
+  for (const auto& bag : bags_) {
+    if (!bag->defect().empty()) defects.push_back(bag->defect());
+  }
+  return defects;
+}
+
+}  // namespace devo

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/core_messages.h"
+
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+
+#include "devo/ros/conversions.h"
+
+namespace devo {
+namespace {
+
+using ros::serialization::IStream;
+using ros::serialization::LStream;
+using ros::serialization::OStream;
+
+// ROS's wire format is little-endian and packed, as these structs are in memory: arrays of them go in one copy.
+static_assert(sizeof(EdgePoint) == 6 * 4, "EdgePoint must have the layout of SurfaceEdge.msg");
+static_assert(sizeof(MapPoint) == 9 * 4, "MapPoint must have the layout of SemiDensePoint.msg");
+
+template <typename Stream>
+void WriteBytes(Stream& stream, const void* data, std::size_t bytes) {
+  if constexpr (std::is_same_v<Stream, LStream>) {
+    stream.advance(static_cast<std::uint32_t>(bytes));  // only counts
+  } else {
+    std::uint8_t* const to = stream.advance(static_cast<std::uint32_t>(bytes));
+    if (bytes > 0) std::memcpy(to, data, bytes);
+  }
+}
+
+template <typename Stream, typename T>
+void WriteArray(Stream& stream, const std::vector<T>& items) {
+  stream.next(static_cast<std::uint32_t>(items.size()));
+  WriteBytes(stream, items.data(), items.size() * sizeof(T));
+}
+
+/// The array's length and its values row by row: a cv::Mat's rows need not be adjacent.
+template <typename Stream>
+void WriteMat(Stream& stream, const cv::Mat& mat) {
+  stream.next(static_cast<std::uint32_t>(mat.total()));
+  for (int y = 0; y < mat.rows; ++y) WriteBytes(stream, mat.ptr(y), mat.cols * mat.elemSize());
+}
+
+template <typename T>
+void ReadArray(IStream& stream, std::vector<T>& items) {
+  std::uint32_t size = 0;
+  stream.next(size);
+  if (size > stream.getLength() / sizeof(T)) ros::serialization::throwStreamOverrun();
+  items.resize(size);
+  const std::size_t bytes = items.size() * sizeof(T);
+  const std::uint8_t* from = stream.advance(static_cast<std::uint32_t>(bytes));
+  if (bytes > 0) std::memcpy(static_cast<void*>(items.data()), from, bytes);
+}
+
+/// An array of height x width values, or of none.
+template <typename T>
+void ReadMat(IStream& stream, std::uint32_t height, std::uint32_t width, const char* name, cv::Mat_<T>& mat) {
+  std::uint32_t size = 0;
+  stream.next(size);
+  if (size != 0 && size != std::uint64_t{height} * width) {
+    throw std::runtime_error(std::string(name) + " has " + std::to_string(size) + " values; expected " +
+                             std::to_string(std::uint64_t{height} * width) + " (height x width) or none");
+  }
+  const std::uint8_t* from = stream.advance(static_cast<std::uint32_t>(size * sizeof(T)));
+  mat.release();
+  if (size == 0) return;
+  mat.create(static_cast<int>(height), static_cast<int>(width));
+  std::memcpy(mat.data, from, size * sizeof(T));
+}
+
+ros::Time ReadTime(IStream& stream) {
+  ros::Time stamp;
+  stream.next(stamp);
+  return stamp;
+}
+
+template <typename Stream>
+void WritePose(Stream& stream, const Rigid3& T) {
+  stream.next(ToPoseMsg(T));
+}
+
+Rigid3 ReadPose(IStream& stream) {
+  geometry_msgs::Pose pose;
+  stream.next(pose);
+  return FromPoseMsg(pose);
+}
+
+/// Tracking follows the indices without looking: none of another process may lead out of the edges.
+void CheckNearestEdges(const Surface& surface) {
+  for (const std::int32_t packed : surface.nearest_edge) {
+    if (packed == Surface::kNoEdge || static_cast<std::size_t>(packed & 0xFFFF) < surface.edges.size()) continue;
+    throw std::runtime_error("TimeSurface.nearest_edge names edge " + std::to_string(packed & 0xFFFF) +
+                             "; expected 0 to " + std::to_string(surface.edges.size()) + " exclusive, or 0x7E000000");
+  }
+}
+
+}  // namespace
+
+template <typename Stream>
+void WriteMessage(Stream& stream, const Surface& surface) {
+  stream.next(ToRosTime(surface.t_ns));
+  stream.next(ToRosTime(surface.t_edges_ns));
+  stream.next(surface.epoch);
+  stream.next(static_cast<std::uint32_t>(surface.height()));
+  stream.next(static_cast<std::uint32_t>(surface.width()));
+  WriteMat(stream, surface.image);
+  WriteArray(stream, surface.edges);
+  WriteMat(stream, surface.nearest_edge);
+  stream.next(surface.event_rate_hz);
+  stream.next(surface.activity_hz);
+  stream.next(surface.window_s);
+  stream.next(surface.events_used);
+  stream.next(static_cast<std::uint8_t>(surface.still));
+}
+
+void ReadMessage(IStream& stream, Surface& surface) {
+  surface.t_ns = FromRosTime(ReadTime(stream));
+  surface.t_edges_ns = FromRosTime(ReadTime(stream));
+  stream.next(surface.epoch);
+  std::uint32_t height = 0, width = 0;
+  stream.next(height);
+  stream.next(width);
+  ReadMat(stream, height, width, "TimeSurface.image", surface.image);
+  ReadArray(stream, surface.edges);
+  ReadMat(stream, height, width, "TimeSurface.nearest_edge", surface.nearest_edge);
+  CheckNearestEdges(surface);
+  stream.next(surface.event_rate_hz);
+  stream.next(surface.activity_hz);
+  stream.next(surface.window_s);
+  stream.next(surface.events_used);
+  std::uint8_t still = 0;
+  stream.next(still);
+  surface.still = still != 0;
+}
+
+template <typename Stream>
+void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
+  stream.next(ToRosTime(estimate.t_ns));
+  stream.next(estimate.epoch);
+  WritePose(stream, estimate.T_world_event);
+  stream.next(ToRosTime(estimate.t_edges_ns));
+  WritePose(stream, estimate.T_world_event_edges);
+  for (int i = 0; i < 6; ++i) stream.next(estimate.velocity_event(i));
+  for (int row = 0; row < 6; ++row) {
+    for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
+  }
+  stream.next(static_cast<std::uint8_t>(estimate.state));
+  stream.next(static_cast<std::int32_t>(estimate.reference_id));
+  stream.next(static_cast<std::int32_t>(estimate.points_used));
+  stream.next(estimate.inlier_share);
+  stream.next(estimate.mean_residual_px);
+  stream.next(static_cast<std::int32_t>(estimate.iterations));
+}
+
+void ReadMessage(IStream& stream, PoseEstimate& estimate) {
+  estimate.t_ns = FromRosTime(ReadTime(stream));
+  stream.next(estimate.epoch);
+  estimate.T_world_event = ReadPose(stream);
+  estimate.t_edges_ns = FromRosTime(ReadTime(stream));
+  estimate.T_world_event_edges = ReadPose(stream);
+  for (int i = 0; i < 6; ++i) stream.next(estimate.velocity_event(i));
+  for (int row = 0; row < 6; ++row) {
+    for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
+  }
+  std::uint8_t state = 0;
+  stream.next(state);
+  if (state > static_cast<std::uint8_t>(TrackingState::kRecovered)) {
+    throw std::runtime_error("TrackedPose.state is " + std::to_string(state) + "; expected 0 to 4");
+  }
+  estimate.state = static_cast<TrackingState>(state);
+  stream.next(estimate.reference_id);
+  stream.next(estimate.points_used);
+  stream.next(estimate.inlier_share);
+  stream.next(estimate.mean_residual_px);
+  stream.next(estimate.iterations);
+}
+
+template <typename Stream>
+void WriteMessage(Stream& stream, const LocalMap& map) {
+  stream.next(ToRosTime(map.t_ns));
+  stream.next(map.epoch);
+  stream.next(static_cast<std::int32_t>(map.id));
+  WritePose(stream, map.T_world_ref);
+  WriteArray(stream, map.points);
+}
+
+void ReadMessage(IStream& stream, LocalMap& map) {
+  map.t_ns = FromRosTime(ReadTime(stream));
+  stream.next(map.epoch);
+  stream.next(map.id);
+  map.T_world_ref = ReadPose(stream);
+  ReadArray(stream, map.points);
+}
+
+template <typename Stream>
+void WriteMessage(Stream& stream, const SceneDepth& depth) {
+  stream.next(ToRosTime(depth.t_ns));
+  stream.next(depth.median_m);
+  stream.next(static_cast<std::uint32_t>(depth.inverse_depth.rows));
+  stream.next(static_cast<std::uint32_t>(depth.inverse_depth.cols));
+  WriteMat(stream, depth.inverse_depth);
+}
+
+void ReadMessage(IStream& stream, SceneDepth& depth) {
+  depth.t_ns = FromRosTime(ReadTime(stream));
+  stream.next(depth.median_m);
+  std::uint32_t height = 0, width = 0;
+  stream.next(height);
+  stream.next(width);
+  ReadMat(stream, height, width, "SceneInverseDepth.inverse_depth", depth.inverse_depth);
+}
+
+template void WriteMessage(OStream&, const Surface&);
+template void WriteMessage(LStream&, const Surface&);
+template void WriteMessage(OStream&, const PoseEstimate&);
+template void WriteMessage(LStream&, const PoseEstimate&);
+template void WriteMessage(OStream&, const LocalMap&);
+template void WriteMessage(LStream&, const LocalMap&);
+template void WriteMessage(OStream&, const SceneDepth&);
+template void WriteMessage(LStream&, const SceneDepth&);
+
+}  // namespace devo

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/health.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace devo {
+namespace {
+
+constexpr int kTicksUntilWarning = 3;
+constexpr int kTicksBetweenWarnings = 30;
+constexpr int kTicksBetweenQuestions = 5;  // to the master, once it has been waited for longer
+
+std::string NameOfType(const std::string& type) { return type.substr(type.find('/') + 1); }
+
+}  // namespace
+
+std::string DescribeTopic(const KnownTopics& known, const std::string& topic, const std::string& type) {
+  std::string same_type;
+  for (const ros::master::TopicInfo& info : known) {
+    if (info.name == topic) {
+      if (NameOfType(info.datatype) == type) return "it is advertised but nothing has come";
+      return "it is published as " + info.datatype;
+    }
+    if (NameOfType(info.datatype) == type) same_type += (same_type.empty() ? "" : ", ") + info.name;
+  }
+  if (same_type.empty()) return "nobody publishes it, nor any other " + type;
+  return "nobody publishes it; " + type + " topics that exist: " + same_type;
+}
+
+Input::Input(std::string role, std::string topic, std::string type)
+    : role_(std::move(role)), topic_(std::move(topic)), type_(std::move(type)) {}
+
+void Input::Arrived(std::int64_t t_ns) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  rate_.Add(t_ns);
+}
+
+bool Input::HasArrived() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return rate_.count() > 0;
+}
+
+std::string Input::MissingSentence(const KnownTopics& known) const {
+  if (HasArrived()) return "";
+  if (topic_.empty()) return "No " + role_ + ": the configuration names no topic for it.";
+  return "No " + role_ + " on " + topic_ + " (" + type_ + "): " + DescribeTopic(known, topic_, type_) + ".";
+}
+
+void Input::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  status.add(role_ + " topic", topic_);
+  status.add(role_ + " messages", rate_.count());
+  status.addf(role_ + " rate (Hz of data time)", "%.1f", rate_.Hz());
+}
+
+Health::Health(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : nh_(nh), private_nh_(private_nh), name_(private_nh.getNamespace()) {}
+
+std::shared_ptr<Input> Health::AddInput(const std::string& role, const std::string& topic, const std::string& type) {
+  inputs_.push_back(std::make_shared<Input>(role, topic, type));
+  return inputs_.back();
+}
+
+void Health::AddMissing(Missing missing) { missing_.push_back(std::move(missing)); }
+
+void Health::AddTask(const std::string& name, Fill fill) { tasks_.emplace_back(name, std::move(fill)); }
+
+void Health::Start() {
+  updater_ = std::make_unique<diagnostic_updater::Updater>(nh_, private_nh_, name_);
+  updater_->setHardwareID("none");
+  for (const auto& [name, fill] : tasks_) updater_->add(name, fill);
+  updater_->add("inputs", this, &Health::Report);
+  timer_ = nh_.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { Tick(); });
+}
+
+void Health::Report(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  status.summary(diagnostic_msgs::DiagnosticStatus::OK, "all inputs arrive");
+  for (const std::string& sentence : sentences_) {
+    // mergeSummary joins the sentences of equal levels.
+    status.mergeSummary(diagnostic_msgs::DiagnosticStatus::ERROR, sentence);
+  }
+  for (const auto& input : inputs_) input->Fill(status);
+}
+
+std::vector<std::string> Health::MissingSentences() {
+  const KnownTopics nothing_known;
+  const bool complete =
+      std::all_of(inputs_.begin(), inputs_.end(), [](const auto& input) { return input->HasArrived(); }) &&
+      std::all_of(missing_.begin(), missing_.end(), [&](const Missing& m) { return m(nothing_known).empty(); });
+  if (complete) return {};
+  if (ticks_missing_ > 2 * kTicksUntilWarning && ticks_missing_ % kTicksBetweenQuestions != 0) return sentences_;
+
+  KnownTopics known;
+  ros::master::getTopics(known);
+  std::vector<std::string> sentences;
+  for (const auto& input : inputs_) {
+    const std::string sentence = input->MissingSentence(known);
+    if (!sentence.empty()) sentences.push_back(sentence);
+  }
+  for (const Missing& missing : missing_) {
+    for (std::string& sentence : missing(known)) sentences.push_back(std::move(sentence));
+  }
+  return sentences;
+}
+
+void Health::Tick() {
+  sentences_ = MissingSentences();
+  ticks_missing_ = sentences_.empty() ? 0 : ticks_missing_ + 1;
+  if (ticks_missing_ >= kTicksUntilWarning && (ticks_missing_ - kTicksUntilWarning) % kTicksBetweenWarnings == 0) {
+    for (const std::string& sentence : sentences_) ROS_WARN_STREAM(name_ << ": " << sentence);
+  }
+  updater_->force_update();
+}
+
+}  // namespace devo

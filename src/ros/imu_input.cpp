@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/imu_input.h"
+
+#include <utility>
+
+#include <ros/console.h>
+
+#include "devo/ros/conversions.h"
+#include "devo/ros/message_conversion.h"
+
+namespace devo {
+namespace {
+
+constexpr std::size_t kMaxWaiting = 4000;            // seconds of a fast IMU, while no surface comes
+constexpr std::int64_t kBackwards_ns = 100'000'000;  // as for surfaces: a bag is played again
+
+}  // namespace
+
+ImuInput::ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::function<std::string()> event_frame,
+                   std::function<void(std::int64_t)> on_arrival)
+    : topic_(topic), event_frame_(std::move(event_frame)), on_arrival_(std::move(on_arrival)) {
+  ros::NodeHandle handle(nh);
+  transform_subscriber_ = handle.subscribe<tf2_msgs::TFMessage>(
+      "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
+  imu_subscriber_ = handle.subscribe<sensor_msgs::Imu>(
+      topic_, 1000, [this](const sensor_msgs::ImuConstPtr& message) { OnImu(*message); });
+}
+
+void ImuInput::OnTransforms(const tf2_msgs::TFMessage& message) {
+  for (geometry_msgs::TransformStamped transform : message.transforms) {
+    transform.header.frame_id = WithoutLeadingSlash(transform.header.frame_id);
+    transform.child_frame_id = WithoutLeadingSlash(transform.child_frame_id);
+    transforms_.setTransform(transform, "tf_static", true);
+  }
+}
+
+void ImuInput::OnImu(const sensor_msgs::Imu& message) {
+  on_arrival_(FromRosTime(message.header.stamp));
+  const std::string event_frame = event_frame_();
+  ImuSample sample;
+  try {
+    sample = ToImuSample(message, RotationOfImu(message.header.frame_id, event_frame, transforms_));
+  } catch (const std::exception& error) {
+    ROS_WARN_STREAM_THROTTLE(5, "IMU samples on " << topic_ << " are left out: " << error.what());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++without_transform_;
+    return;
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!waiting_.empty() && sample.t_ns < waiting_.back().t_ns - kBackwards_ns) waiting_.clear();
+  waiting_.push_back(sample);
+  ++accepted_;
+  if (waiting_.size() > kMaxWaiting) {
+    waiting_.pop_front();
+    ++overflowed_;
+  }
+}
+
+std::vector<ImuSample> ImuInput::TakeUntil(std::int64_t t_ns) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  std::vector<ImuSample> samples;
+  while (!waiting_.empty() && waiting_.front().t_ns <= t_ns) {
+    samples.push_back(waiting_.front());
+    waiting_.pop_front();
+  }
+  return samples;
+}
+
+void ImuInput::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  status.add("IMU samples accepted", accepted_);
+  status.add("IMU samples without a transform", without_transform_);
+  status.add("IMU samples that waited too long", overflowed_);
+}
+
+}  // namespace devo

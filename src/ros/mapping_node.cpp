@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/mapping_node.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <sensor_msgs/PointCloud2.h>
+#include <boost/make_shared.hpp>
+
+#include "devo/core/time.h"
+#include "devo/io/point_cloud_file.h"
+#include "devo/ros/conversions.h"
+#include "devo/ros/message_conversion.h"
+#include "devo/ros/parameters.h"
+#include "devo/ros/rendering.h"
+#include "devo/ros/topics.h"
+
+namespace devo {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr double kBackwards_s = 0.1;
+// Depth this much older or newer than the surfaces is not of their time; it may be when they get there.
+constexpr double kDepthAge_s = 2, kDepthAhead_s = 1;
+constexpr std::size_t kMaxWaitingSurfaces = 32;
+
+}  // namespace
+
+MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)), health_(nh, private_nh),
+      image_transport_(nh) {
+  odom_frame_ = ReadString(private_nh, "odom_frame", "odom");
+  base_frame_ = ReadString(private_nh, "base_frame", "");
+  initial_pose_ = ReadPose(private_nh, "initial_pose", Rigid3());
+  const std::string event_frame = ReadString(private_nh, "event_frame", "");
+  const std::string transport = ReadString(private_nh, "image_transport", "raw");
+  map_file_ = ReadPath(private_nh, "map_file", "devo_map.pcd");
+  depth_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "depth_queue_size", 10, 1, 1000));
+  RefuseUnknown(private_nh, {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "map_file",
+                             "image_transport", "depth_queue_size", "diagnostic_period"});
+  if (!event_frame.empty()) config_.frames.event = event_frame;
+  const std::string depth_topic = InputTopic(nh_, "depth/image_raw", config_.topics.depth);
+  if (depth_topic.empty()) throw std::invalid_argument("topics.depth is empty; expected the topic of the depth images");
+
+  map_publisher_ = nh_.advertise<LocalMap>(topics::kSemiDenseMap, 4);
+  scene_depth_publisher_ = nh_.advertise<SceneDepth>(topics::kSceneDepth, 2);
+  local_cloud_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>(topics::kLocalMap, 2, true);
+  global_cloud_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>(topics::kGlobalMap, 1, true);
+  overlay_publisher_ = image_transport_.advertise(topics::kDepthOverlayImage, 2);
+  surface_input_ = health_.AddInput("surfaces", nh_.resolveName(topics::kSurface), "TimeSurface");
+  depth_input_ = health_.AddInput("depth", depth_topic, "Image");
+  RigResolver::Need need;
+  need.depth = true;
+  need.base_frame = base_frame_;
+  rig_ = std::make_unique<RigResolver>(nh_, config_, need, [this](const ResolvedRig& rig) { OnRig(rig); });
+  health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
+  health_.AddTask("mapping", [this](auto& status) { FillStatus(status); });
+  worker_ = std::make_unique<Worker>([this] { return Step(); });
+
+  surface_subscriber_ = nh_.subscribe<Surface>(
+      topics::kSurface, 64,
+      boost::function<void(const SurfaceConstPtr&)>([this](const SurfaceConstPtr& surface) { OnSurface(surface); }));
+  pose_subscriber_ = nh_.subscribe<PoseEstimate>(
+      topics::kTrackedPose, 64,
+      boost::function<void(const PoseConstPtr&)>([this](const PoseConstPtr& pose) { OnPose(pose); }));
+  depth_subscriber_ = image_transport_.subscribe(
+      depth_topic, static_cast<std::uint32_t>(depth_queue_size_),
+      [this](const sensor_msgs::ImageConstPtr& image) { OnDepth(image); }, ros::VoidPtr(),
+      image_transport::TransportHints(transport, ros::TransportHints(), private_nh_));
+  save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
+  rig_->Start();
+  health_.Start();
+}
+
+MappingNode::~MappingNode() {
+  surface_subscriber_.shutdown();
+  pose_subscriber_.shutdown();
+  depth_subscriber_.shutdown();
+  save_service_.shutdown();
+  worker_.reset();
+}
+
+void MappingNode::OnRig(const ResolvedRig& rig) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    new_mapper_ = std::make_unique<Mapper>(rig.rig, config_.odometry);
+    resolved_ = rig;
+    T_odom_world_ = initial_pose_ * rig.T_event_base.value_or(Rigid3()).inverse();
+  }
+  worker_->Wake();
+}
+
+std::int64_t MappingNode::TimeOf(const sensor_msgs::Image& image) const {
+  return FromRosTime(image.header.stamp) + NsFromSeconds(config_.depth_time_offset_s);
+}
+
+void MappingNode::OnSurface(const SurfaceConstPtr& surface) {
+  surface_input_->Arrived(surface->t_ns);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  surfaces_.push_back(surface);
+  if (surfaces_.size() > kMaxWaitingSurfaces) {
+    surfaces_.pop_front();
+    ++surfaces_dropped_;
+  }
+}
+
+void MappingNode::OnPose(const PoseConstPtr& pose) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    answers_.push_back(pose);
+    if (answers_.size() > kMaxWaitingSurfaces) answers_.pop_front();
+  }
+  worker_->Wake();
+}
+
+void MappingNode::OnDepth(const sensor_msgs::ImageConstPtr& image) {
+  const std::int64_t t_ns = TimeOf(*image);
+  depth_input_->Arrived(t_ns);
+  rig_->SetDepthFrame(image->header.frame_id);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (last_depth_ns_ != 0 && SecondsFromNs(t_ns - last_depth_ns_) < -kBackwards_s) {
+    depths_.clear();
+    // Already there when the surfaces went back first.
+    depth_awaits_epoch_ = SecondsFromNs(surface_ns_ - t_ns) > kBackwards_s;
+  }
+  last_depth_ns_ = t_ns;
+  depths_.push_back(image);
+  if (depths_.size() > depth_queue_size_) {
+    depths_.pop_front();
+    ++depth_dropped_;
+    depth_awaits_epoch_ = false;  // only the depth's clock was set back
+  }
+}
+
+std::deque<sensor_msgs::ImageConstPtr> MappingNode::TakeDepth() {
+  std::deque<sensor_msgs::ImageConstPtr> taken, waiting;
+  if (depth_awaits_epoch_) return taken;
+  for (sensor_msgs::ImageConstPtr& image : depths_) {
+    const double ahead_s = SecondsFromNs(TimeOf(*image) - surface_ns_);
+    (ahead_s > -kDepthAge_s && ahead_s < kDepthAhead_s ? taken : waiting).push_back(std::move(image));
+  }
+  depths_.swap(waiting);
+  return taken;
+}
+
+bool MappingNode::Step() {
+  PoseConstPtr answer;
+  std::deque<SurfaceConstPtr> surfaces;
+  std::deque<sensor_msgs::ImageConstPtr> depths;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (new_mapper_) mapper_ = std::move(new_mapper_);
+    if (!mapper_ || answers_.empty()) return false;
+    answer = answers_.front();
+    answers_.pop_front();
+    // Surfaces of an older epoch get no answer any more.
+    while (!surfaces_.empty() && surfaces_.front()->epoch < answer->epoch) surfaces_.pop_front();
+    while (!surfaces_.empty() && surfaces_.front()->epoch == answer->epoch && surfaces_.front()->t_ns <= answer->t_ns) {
+      surfaces.push_back(surfaces_.front());
+      surfaces_.pop_front();
+    }
+    if (surfaces.empty()) return true;
+    if (answer->epoch != epoch_) depth_awaits_epoch_ = false;
+    epoch_ = answer->epoch;
+    surface_ns_ = answer->t_ns;
+    depths = TakeDepth();
+  }
+  try {
+    const ros::WallTime begin = ros::WallTime::now();
+    for (const auto& image : depths) AddDepth(image);
+    Feed(surfaces, *answer);
+    const LocalMapPtr map = mapper_->Update();
+    const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
+    if (mapper_->scene_depth().t_ns != scene_depth_ns_) {
+      scene_depth_ns_ = mapper_->scene_depth().t_ns;
+      scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
+    }
+    if (map) Publish(map);
+    PublishGlobalMap();
+    const std::lock_guard<std::mutex> lock(mutex_);
+    counters_ = mapper_->counters();
+    scene_depth_ = mapper_->scene_depth();
+    if (!depths.empty()) mapping_ms_.Add(ms);
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    failure_ = error.what();
+  }
+  return true;
+}
+
+void MappingNode::AddDepth(const sensor_msgs::ImageConstPtr& image) {
+  try {
+    const DepthImage depth = ToDepthImage(*image, config_.depth_scale, NsFromSeconds(config_.depth_time_offset_s));
+    const Camera& camera = resolved_.rig.depth_camera;
+    if (depth.depth_m.cols != camera.width() || depth.depth_m.rows != camera.height()) {
+      throw std::runtime_error("depth images are " + std::to_string(depth.depth_m.cols) + "x" +
+                               std::to_string(depth.depth_m.rows) + "; expected " + std::to_string(camera.width()) +
+                               "x" + std::to_string(camera.height()) + " as the depth camera's calibration says");
+    }
+    mapper_->AddDepth(depth);
+    if (overlay_publisher_.getNumSubscribers() > 0) DrawDepthOverlay(depth);
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM_THROTTLE(10, private_nh_.getNamespace() << ": " << error.what());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++depth_refused_;
+    failure_ = error.what();
+  }
+}
+
+void MappingNode::Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEstimate& pose) {
+  if (!last_surface_ || last_surface_->epoch != pose.epoch) {
+    // The mapper resets itself with the surface below; what was drawn of the old epoch goes here.
+    const std::lock_guard<std::mutex> lock(mutex_);
+    global_map_.clear();
+  }
+  for (const SurfaceConstPtr& surface : surfaces) mapper_->AddSurface(ToStd(surface));
+  last_surface_ = surfaces.back();
+  if (pose.state != TrackingState::kInitialising) mapper_->AddPose(pose);
+}
+
+void MappingNode::Publish(const LocalMapPtr& map) {
+  map_publisher_.publish(ToBoost(map));
+  local_cloud_publisher_.publish(
+      ToPointCloudMsg(map->points, T_odom_world_ * map->T_world_ref, map->t_ns, odom_frame_));
+  std::vector<MapPoint> all = mapper_->GlobalMap();
+  global_map_wanted_ = true;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  global_map_ = std::move(all);
+}
+
+void MappingNode::PublishGlobalMap() {
+  // Latched: the last one also reaches those who come later.
+  if (!global_map_wanted_) return;
+  global_map_wanted_ = false;
+  global_cloud_publisher_.publish(ToPointCloudMsg(global_map_, T_odom_world_, last_surface_->t_ns, odom_frame_));
+}
+
+void MappingNode::DrawDepthOverlay(const DepthImage& depth) {
+  if (!last_surface_) return;
+  overlay_publisher_.publish(
+      ToImageMsg(RenderDepthOverlay(*last_surface_, depth, resolved_.rig), depth.t_ns, resolved_.event_frame));
+}
+
+bool MappingNode::OnSaveMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  std::vector<MapPoint> points;
+  Rigid3 T_odom_world;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    points = global_map_;
+    T_odom_world = T_odom_world_;
+  }
+  for (MapPoint& point : points) point.p_ref = (T_odom_world * point.p_ref.cast<double>()).cast<float>();
+  try {
+    WritePointCloud(map_file_, points);
+    response.success = 1;
+    response.message = std::to_string(points.size()) + " points written to " + map_file_;
+  } catch (const std::exception& error) {
+    response.success = 0;
+    response.message = error.what();
+  }
+  return true;
+}
+
+void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!failure_.empty()) {
+    status.summary(DiagnosticStatus::ERROR, failure_);
+  } else if (counters_.references == 0) {
+    status.summary(DiagnosticStatus::WARN, "no reference yet");
+  } else {
+    status.summary(DiagnosticStatus::OK, "mapping");
+  }
+  status.add("epoch", epoch_);
+  status.add("references", counters_.references);
+  status.add("points in the global map", global_map_.size());
+  status.add("depth images used", counters_.depth_used);
+  status.add("depth images without a valid pixel", counters_.depth_without_valid_pixel);
+  status.add("depth images dropped", depth_dropped_);
+  status.add("depth images refused", depth_refused_);
+  status.add("surfaces dropped", surfaces_dropped_);
+  status.addf("scene depth, median (m)", "%.2f", scene_depth_.median_m);
+  status.addf("mapping p50 (ms)", "%.2f", mapping_ms_.At(0.5));
+  status.addf("mapping p99 (ms)", "%.2f", mapping_ms_.At(0.99));
+}
+
+}  // namespace devo

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/message_conversion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+
+#include <sensor_msgs/image_encodings.h>
+#include <boost/endian/conversion.hpp>
+
+#include "devo/ros/conversions.h"
+
+namespace devo {
+namespace {
+
+constexpr std::size_t kBytesPerEvent = 13;  // x, y, sec, nsec, polarity, without padding
+constexpr std::int64_t kNsPerSecond = 1000000000;
+
+template <typename T>
+T LittleEndian(const std::uint8_t* bytes) {
+  T value;
+  std::memcpy(&value, bytes, sizeof(T));
+  return boost::endian::little_to_native(value);
+}
+
+/// Reads the fields of a serialised message in turn.
+class Cursor {
+ public:
+  Cursor(const std::uint8_t* bytes, std::size_t size) : bytes_(bytes), left_(size) {}
+
+  const std::uint8_t* Take(std::size_t size) {
+    if (size > left_)
+      throw std::runtime_error("event array: its bytes end early, expected " + std::to_string(size - left_) + " more");
+    const std::uint8_t* taken = bytes_;
+    bytes_ += size;
+    left_ -= size;
+    return taken;
+  }
+  std::uint32_t TakeUint32() { return LittleEndian<std::uint32_t>(Take(4)); }
+
+ private:
+  const std::uint8_t* bytes_;
+  std::size_t left_;
+};
+
+float ValidOrZero(float metres) { return std::isfinite(metres) && metres > 0 ? metres : 0.0F; }
+
+float MetresFromMillimetres(std::uint16_t millimetres, float scale) {
+  return static_cast<float>(millimetres) * 1e-3F * scale;
+}
+
+std::uint16_t Swapped(std::uint16_t value) { return boost::endian::endian_reverse(value); }
+float Swapped(float value) {
+  std::uint32_t bits;
+  std::memcpy(&bits, &value, 4);
+  bits = boost::endian::endian_reverse(bits);
+  std::memcpy(&value, &bits, 4);
+  return value;
+}
+
+template <typename Reading, typename ToMetres>
+void FillDepth(const sensor_msgs::Image& message, ToMetres&& to_metres, cv::Mat1f* depth_m) {
+  const bool swap = (message.is_bigendian != 0) != (boost::endian::order::native == boost::endian::order::big);
+  std::vector<Reading> row(message.width);
+  for (std::uint32_t y = 0; y < message.height; ++y) {
+    std::memcpy(row.data(), message.data.data() + std::size_t{y} * message.step, sizeof(Reading) * message.width);
+    float* out = depth_m->ptr<float>(static_cast<int>(y));
+    for (std::uint32_t x = 0; x < message.width; ++x) out[x] = to_metres(swap ? Swapped(row[x]) : row[x]);
+  }
+}
+
+void CheckSize(const sensor_msgs::Image& message, std::size_t bytes_per_pixel) {
+  if (message.width == 0 || message.height == 0) throw std::runtime_error("depth image is empty, expected pixels");
+  const std::size_t row = bytes_per_pixel * message.width;
+  if (message.step < row || message.data.size() < std::size_t{message.step} * (message.height - 1) + row) {
+    throw std::runtime_error("depth image " + std::to_string(message.width) + "x" + std::to_string(message.height) +
+                             " " + message.encoding + " has step " + std::to_string(message.step) + " and " +
+                             std::to_string(message.data.size()) + " bytes, expected rows of at least " +
+                             std::to_string(row) + " bytes");
+  }
+}
+
+}  // namespace
+
+void AppendEvents(const EventArray& message, std::vector<Event>* events) {
+  events->reserve(events->size() + message.events.size());
+  for (const RawEvent& raw : message.events) {
+    Event event;
+    event.t_ns = FromRosTime(raw.ts);
+    event.x = raw.x;
+    event.y = raw.y;
+    event.polarity = raw.polarity != 0 ? 1 : 0;
+    events->push_back(event);
+  }
+}
+
+std::string AppendSerializedEvents(const std::uint8_t* bytes, std::size_t size, std::vector<Event>* events) {
+  Cursor cursor(bytes, size);
+  cursor.Take(12);  // header.seq, header.stamp
+  const std::uint32_t name_size = cursor.TakeUint32();
+  const auto* name = reinterpret_cast<const char*>(cursor.Take(name_size));
+  cursor.Take(8);  // height, width
+  const std::size_t count = cursor.TakeUint32();
+  const std::uint8_t* raw = cursor.Take(count * kBytesPerEvent);
+  const std::size_t begin = events->size();
+  events->resize(begin + count);
+  for (Event* event = events->data() + begin; event != events->data() + begin + count; ++event, raw += kBytesPerEvent) {
+    event->x = LittleEndian<std::uint16_t>(raw);
+    event->y = LittleEndian<std::uint16_t>(raw + 2);
+    event->t_ns = kNsPerSecond * LittleEndian<std::uint32_t>(raw + 4) + LittleEndian<std::uint32_t>(raw + 8);
+    event->polarity = raw[12] != 0 ? 1 : 0;
+  }
+  return {name, name_size};
+}
+
+EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::string& frame_id) {
+  EventArray message;
+  message.header.frame_id = frame_id;
+  if (!events.empty()) message.header.stamp = ToRosTime(events.data[events.size - 1].t_ns);
+  message.width = static_cast<std::uint32_t>(width);
+  message.height = static_cast<std::uint32_t>(height);
+  message.events.resize(events.size);
+  for (std::size_t i = 0; i < events.size; ++i) {
+    RawEvent& raw = message.events[i];
+    raw.x = events.data[i].x;
+    raw.y = events.data[i].y;
+    raw.ts = ToRosTime(events.data[i].t_ns);
+    raw.polarity = events.data[i].polarity;
+  }
+  return message;
+}
+
+void EventPacketConverter::Append(const EventPacket& message, std::vector<Event>* events) {
+  if (message.is_bigendian) throw std::runtime_error("event packet is big-endian, expected little-endian words");
+  const bool restarted = decoder_ && (decoder_->encoding() != message.encoding || message.seq < last_seq_);
+  if (!decoder_ || restarted) {
+    decoder_.emplace(message.encoding);
+    offset_ns_.reset();
+  }
+  last_seq_ = message.seq;
+  const std::size_t begin = events->size();
+  decoder_->Decode(message.events.data(), message.events.size(), events);
+  if (events->size() == begin) return;
+  if (!offset_ns_) offset_ns_ = FromRosTime(message.header.stamp) - (*events)[begin].t_ns;
+  std::for_each(events->begin() + static_cast<std::ptrdiff_t>(begin), events->end(),
+                [&](Event& event) { event.t_ns += *offset_ns_; });
+}
+
+DepthImage ToDepthImage(const sensor_msgs::Image& message, double scale, std::int64_t time_offset_ns) {
+  namespace encodings = sensor_msgs::image_encodings;
+  DepthImage depth;
+  depth.t_ns = FromRosTime(message.header.stamp) + time_offset_ns;
+  const auto factor = static_cast<float>(scale);
+  if (message.encoding == encodings::TYPE_16UC1) {
+    CheckSize(message, 2);
+    depth.depth_m.create(static_cast<int>(message.height), static_cast<int>(message.width));
+    FillDepth<std::uint16_t>(
+        message, [&](std::uint16_t v) { return MetresFromMillimetres(v, factor); }, &depth.depth_m);
+  } else if (message.encoding == encodings::TYPE_32FC1) {
+    CheckSize(message, 4);
+    depth.depth_m.create(static_cast<int>(message.height), static_cast<int>(message.width));
+    FillDepth<float>(
+        message, [&](float v) { return ValidOrZero(v) * factor; }, &depth.depth_m);
+  } else {
+    throw std::runtime_error("depth image has encoding '" + message.encoding +
+                             "', expected 16UC1 (millimetres) or 32FC1 (metres)");
+  }
+  return depth;
+}
+
+Camera ToCamera(const sensor_msgs::CameraInfo& m) {
+  const double bin_x = std::max(1U, m.binning_x), bin_y = std::max(1U, m.binning_y);
+  const bool has_roi = m.roi.width > 0 && m.roi.height > 0;
+  if (has_roi && m.roi.do_rectify) {
+    throw std::invalid_argument(
+        "camera_info asks for a rectified region of interest (roi.do_rectify), expected the raw image");
+  }
+  const std::uint32_t width = has_roi ? m.roi.width : m.width, height = has_roi ? m.roi.height : m.height;
+  // REP-104: the region is in full-resolution pixels and binning comes after it. A binned pixel's centre lies half a
+  // binned pixel in from its edge, hence the halves.
+  const double x0 = has_roi ? m.roi.x_offset : 0, y0 = has_roi ? m.roi.y_offset : 0;
+  return {static_cast<int>(width / bin_x),   static_cast<int>(height / bin_y),  m.K[0] / bin_x,     m.K[4] / bin_y,
+          (m.K[2] - x0 + 0.5) / bin_x - 0.5, (m.K[5] - y0 + 0.5) / bin_y - 0.5, m.distortion_model, m.D};
+}
+
+Eigen::Quaterniond RotationOfImu(const std::string& imu_frame, const std::string& event_frame,
+                                 const tf2::BufferCore& transforms) {
+  const std::string imu = WithoutLeadingSlash(imu_frame), event = WithoutLeadingSlash(event_frame);
+  if (imu.empty() || imu == event) return Eigen::Quaterniond::Identity();
+  if (event.empty()) {
+    throw std::runtime_error("their frame is '" + imu + "' and the event camera's frame is not known; expected key " +
+                             "'frames.event' or a CameraInfo with a frame_id");
+  }
+  try {
+    return FromTransformMsg(transforms.lookupTransform(event, imu, ros::Time(0)).transform).rotation();
+  } catch (const std::exception& e) {
+    throw std::runtime_error("no transformation from the IMU's frame '" + imu + "' to the event frame '" + event +
+                             "'; expected it on /tf_static (" + e.what() + ")");
+  }
+}
+
+ImuSample ToImuSample(const sensor_msgs::Imu& message, const Eigen::Quaterniond& R_event_imu) {
+  ImuSample sample;
+  sample.t_ns = FromRosTime(message.header.stamp);
+  const auto& w = message.angular_velocity;
+  const auto& a = message.linear_acceleration;
+  sample.angular_velocity = R_event_imu * Eigen::Vector3d(w.x, w.y, w.z);
+  sample.linear_acceleration = R_event_imu * Eigen::Vector3d(a.x, a.y, a.z);
+  return sample;
+}
+
+}  // namespace devo

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/rig_resolver.h"
+
+#include <utility>
+
+#include "devo/ros/conversions.h"
+#include "devo/ros/message_conversion.h"
+#include "devo/ros/parameters.h"
+
+namespace devo {
+namespace {
+
+/// As image_transport pairs them: camera_info beside the image.
+std::string SiblingCameraInfo(const std::string& topic) {
+  const std::size_t slash = topic.rfind('/');
+  return slash == std::string::npos ? "" : topic.substr(0, slash) + "/camera_info";
+}
+
+}  // namespace
+
+RigResolver::RigResolver(const ros::NodeHandle& nh, const RigConfig& config, Need need,
+                         std::function<void(const ResolvedRig&)> on_resolved)
+    : nh_(nh), config_(config), need_(std::move(need)), on_resolved_(std::move(on_resolved)) {
+  const Topics& topics = config_.topics;
+  event_.name = "event_camera";
+  event_.camera = config_.event_camera;
+  event_.frame = config_.frames.event;
+  event_.topic =
+      InputTopic(nh_, "camera_info",
+                 topics.event_camera_info.empty() ? SiblingCameraInfo(topics.events) : topics.event_camera_info);
+  depth_.name = "depth_camera";
+  depth_.camera = config_.depth_camera;
+  depth_.frame = config_.frames.depth;
+  depth_.topic =
+      InputTopic(nh_, "depth/camera_info",
+                 topics.depth_camera_info.empty() ? SiblingCameraInfo(topics.depth) : topics.depth_camera_info);
+}
+
+void RigResolver::Start() {
+  const bool needs_extrinsics = NeedsDepthCamera() && !config_.T_event_depth;
+  const bool needs_transforms = needs_extrinsics || !need_.base_frame.empty();
+  if (!event_.camera || ((needs_transforms || need_.event_frame) && event_.frame.empty())) Subscribe(&event_);
+  if (NeedsDepthCamera() && (!depth_.camera || (needs_extrinsics && depth_.frame.empty()))) Subscribe(&depth_);
+  if (needs_transforms) {
+    transform_subscriber_ = nh_.subscribe<tf2_msgs::TFMessage>(
+        "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
+  }
+  TryToResolve();
+}
+
+void RigResolver::Subscribe(CameraSource* source) {
+  if (source->topic.empty()) return;
+  source->subscriber = nh_.subscribe<sensor_msgs::CameraInfo>(
+      source->topic, 2, [this, source](const sensor_msgs::CameraInfoConstPtr& info) { OnCameraInfo(source, *info); });
+}
+
+void RigResolver::OnCameraInfo(CameraSource* source, const sensor_msgs::CameraInfo& info) {
+  if (source->frame.empty()) source->frame = info.header.frame_id;
+  if (resolved_) return;
+  if (!source->camera) {
+    try {
+      source->camera = ToCamera(info);
+    } catch (const std::exception& error) {
+      source->refused = error.what();
+    }
+  }
+  TryToResolve();
+}
+
+void RigResolver::SetDepthFrame(const std::string& frame) {
+  if (resolved_ || frame.empty() || !depth_.frame.empty()) return;
+  depth_.frame = frame;
+  TryToResolve();
+}
+
+void RigResolver::OnTransforms(const tf2_msgs::TFMessage& message) {
+  if (resolved_) return;
+  for (const geometry_msgs::TransformStamped& transform : message.transforms) {
+    transforms_.setTransform(transform, "tf_static", true);
+  }
+  TryToResolve();
+}
+
+std::optional<Rigid3> RigResolver::Lookup(const std::string& target, const std::string& source) const {
+  if (target.empty() || source.empty()) return std::nullopt;
+  try {
+    return FromTransformMsg(
+        transforms_.lookupTransform(WithoutLeadingSlash(target), WithoutLeadingSlash(source), ros::Time(0)).transform);
+  } catch (const std::exception&) {  // tf2's exceptions, and quaternions of no length
+    return std::nullopt;
+  }
+}
+
+void RigResolver::TryToResolve() {
+  if (resolved_ || !event_.camera) return;
+  ResolvedRig result;
+  result.event_frame = event_.frame.empty() ? "event_camera" : WithoutLeadingSlash(event_.frame);
+  result.rig.event_camera = *event_.camera;
+  result.rig.depth_registered = config_.registered;
+  result.rig.depth_camera = *event_.camera;
+  if (NeedsDepthCamera()) {
+    if (!depth_.camera) return;
+    result.rig.depth_camera = *depth_.camera;
+    const std::optional<Rigid3> T = config_.T_event_depth ? config_.T_event_depth : Lookup(event_.frame, depth_.frame);
+    if (!T) return;
+    result.rig.T_event_depth = *T;
+  }
+  if (!need_.base_frame.empty()) {
+    result.T_event_base = Lookup(event_.frame, need_.base_frame);
+    if (!result.T_event_base) return;
+  }
+  resolved_ = true;
+  // The subscribers stay: destroying one inside its own callback would free the callback that runs.
+  on_resolved_(result);
+}
+
+std::vector<std::string> RigResolver::Missing(const KnownTopics& known) const {
+  std::vector<std::string> sentences;
+  if (resolved_) return sentences;
+  if (!event_.camera) sentences.push_back(MissingCamera(known, event_));
+  if (NeedsDepthCamera()) {
+    if (!depth_.camera) sentences.push_back(MissingCamera(known, depth_));
+    if (!config_.T_event_depth && !Lookup(event_.frame, depth_.frame)) {
+      sentences.push_back(MissingTransform("T_event_depth", event_.frame, depth_.frame));
+    }
+  }
+  if (!need_.base_frame.empty() && !Lookup(event_.frame, need_.base_frame)) {
+    sentences.push_back(MissingTransform("base_frame's transformation", event_.frame, need_.base_frame));
+  }
+  return sentences;
+}
+
+std::string RigResolver::MissingCamera(const KnownTopics& known, const CameraSource& source) const {
+  const std::string begin = "No intrinsics: " + source.name + " is not in the configuration and ";
+  if (!source.refused.empty())
+    return begin + "the CameraInfo on " + source.topic + " is no calibration: " + source.refused;
+  if (source.topic.empty()) return begin + "topics." + source.name + "_info names no topic.";
+  return begin + "no CameraInfo came on " + source.topic + ": " + DescribeTopic(known, source.topic, "CameraInfo") +
+         ".";
+}
+
+std::string RigResolver::MissingTransform(const std::string& key, const std::string& a, const std::string& b) const {
+  const auto shown = [](const std::string& frame) { return frame.empty() ? "an unnamed frame" : "'" + frame + "'"; };
+  std::vector<std::string> frames;
+  transforms_._getFrameStrings(frames);
+  std::string list;
+  for (const std::string& frame : frames) list += (list.empty() ? "" : ", ") + frame;
+  return "No extrinsics: " + key + " is not in the configuration and /tf_static does not connect " + shown(a) +
+         " with " + shown(b) + "; frames that it knows: " + (list.empty() ? "none" : list) + ".";
+}
+
+}  // namespace devo

@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/time_surface_node.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include "devo/core/time.h"
+#include "devo/ros/parameters.h"
+#include "devo/ros/rendering.h"
+#include "devo/ros/topics.h"
+
+namespace devo {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+// Stamps a little out of order are the builder's business; more than this is another recording, or the same again.
+constexpr double kBackwards_s = 0.1;
+// Without events for this long there is nothing to render in between.
+constexpr double kSilence_s = 0.5;
+// How long a surface waits for the pose before, in wall time, and after how many vain waits it waits no more (until
+// tracking answers again): tracking may not be there.
+constexpr double kPoseTimeout_s = 0.05;
+constexpr int kMaxUnanswered = 3;
+
+}  // namespace
+
+TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)),
+      max_backlog_s_(ReadDouble(private_nh, "max_backlog_s", 0.15, 0.01, 10)),
+      reset_after_gap_s_(ReadDouble(private_nh, "reset_after_gap_s", 10, 0.5, 1e6)),
+      max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 4000, 10, 1000000))),
+      period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), decoder_(std::make_unique<EventDecoder>()),
+      health_(nh, private_nh), image_transport_(nh) {
+  const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
+  RefuseUnknown(private_nh, {"config", "set", "max_backlog_s", "reset_after_gap_s", "max_queued_kevents",
+                             "event_queue_size", "diagnostic_period"});
+  const std::string topic = InputTopic(nh_, "events", config_.topics.events);
+  if (topic.empty()) throw std::invalid_argument("topics.events is empty; expected the topic of the events");
+
+  surface_publisher_ = nh_.advertise<Surface>(topics::kSurface, 8);
+  image_publisher_ = image_transport_.advertise(topics::kSurfaceImage, 2);
+  input_ = health_.AddInput("events", topic, "EventArray");
+  rig_ =
+      std::make_unique<RigResolver>(nh_, config_, RigResolver::Need{}, [this](const ResolvedRig& rig) { OnRig(rig); });
+  health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
+  health_.AddTask("time surface", [this](auto& status) { FillStatus(status); });
+  worker_ = std::make_unique<Worker>([this] { return Step(); });
+
+  pose_subscriber_ =
+      nh_.subscribe<PoseEstimate>(topics::kTrackedPose, 8,
+                                  boost::function<void(const boost::shared_ptr<const PoseEstimate>&)>(
+                                      [this](const boost::shared_ptr<const PoseEstimate>& pose) { OnPose(pose); }));
+  scene_depth_subscriber_ = nh_.subscribe<SceneDepth>(topics::kSceneDepth, 2,
+                                                      boost::function<void(const boost::shared_ptr<const SceneDepth>&)>(
+                                                          [this](const boost::shared_ptr<const SceneDepth>& depth) {
+                                                            const std::lock_guard<std::mutex> lock(mutex_);
+                                                            scene_depth_ = depth;
+                                                          }));
+  services_.push_back(private_nh_.advertiseService("reset", &TimeSurfaceNode::OnReset, this));
+  services_.push_back(private_nh_.advertiseService("pause", &TimeSurfaceNode::OnPause, this));
+  rig_->Start();
+  events_ = std::make_unique<EventSource>(nh_, topic, queue_size, [this](EventMessage message) {
+    if (paused_) return;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      queued_events_ += message.MostEvents();
+      messages_.push_back(std::move(message));
+      while (queued_events_ > max_queued_events_ && messages_.size() > 1) {
+        queued_events_ -= messages_.front().MostEvents();
+        dropped_events_ += messages_.front().MostEvents();
+        messages_.pop_front();
+      }
+    }
+    worker_->Wake();
+  });
+  health_.Start();
+}
+
+TimeSurfaceNode::~TimeSurfaceNode() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    closing_ = true;
+  }
+  pose_arrived_.notify_all();
+  // No callback may find the worker gone.
+  events_.reset();
+  pose_subscriber_.shutdown();
+  scene_depth_subscriber_.shutdown();
+  services_.clear();
+  worker_.reset();
+}
+
+void TimeSurfaceNode::OnRig(const ResolvedRig& rig) {
+  auto builder = std::make_unique<SurfaceBuilder>(rig.rig.event_camera, config_.odometry.surface);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    new_builder_ = std::move(builder);
+    event_frame_ = rig.event_frame;
+  }
+  worker_->Wake();
+}
+
+void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estimate) {
+  const ros::WallTime now = ros::WallTime::now();
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (estimate->epoch != epoch_) return;
+    last_pose_ = estimate;
+    while (!awaiting_pose_.empty() && awaiting_pose_.front().first <= estimate->t_ns) {
+      if (awaiting_pose_.front().first == estimate->t_ns && estimate->state != TrackingState::kInitialising) {
+        latency_ms_.Add(1e3 * (now - awaiting_pose_.front().second).toSec());
+      }
+      awaiting_pose_.pop_front();
+    }
+  }
+  pose_arrived_.notify_all();
+}
+
+bool TimeSurfaceNode::OnReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    reset_requested_ = true;
+  }
+  worker_->Wake();
+  response.success = 1;
+  response.message = "the next surface begins a new epoch in all three modules";
+  return true;
+}
+
+bool TimeSurfaceNode::OnPause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
+  paused_ = request.data;
+  response.success = 1;
+  response.message = paused_ ? "paused: events are not taken" : "running";
+  return true;
+}
+
+bool TimeSurfaceNode::Step() {
+  try {
+    TakeMessages();
+    if (!builder_) DropBatches();
+    if (batches_.empty()) return false;
+    Batch& batch = batches_.front();
+    const std::int64_t first_ns = batch.events[batch.next].t_ns;
+    if (batch.begins_epoch) {
+      BeginEpoch();
+      batch.begins_epoch = false;
+    }
+    // Surfaces lie on multiples of the period, as in the offline runner.
+    const bool silence = next_tick_ns_ != 0 && first_ns - inserted_ns_ > NsFromSeconds(kSilence_s);
+    if (next_tick_ns_ == 0 || silence) next_tick_ns_ = (first_ns / period_ns_ + 1) * period_ns_;
+    const auto begin = batch.events.begin() + static_cast<std::ptrdiff_t>(batch.next);
+    const auto until =
+        std::partition_point(begin, batch.events.end(), [&](const Event& e) { return e.t_ns < next_tick_ns_; });
+    const auto count = static_cast<std::size_t>(until - begin);
+    if (count > 0) {
+      builder_->Insert({&*begin, count});
+      inserted_ns_ = std::max(inserted_ns_, std::prev(until)->t_ns);
+      batch.next += count;
+    }
+    if (batch.next == batch.events.size()) {
+      last_arrival_ = batch.arrival;
+      batches_.pop_front();
+      return true;
+    }
+    last_arrival_ = batch.arrival;
+    if (!SkipWhenBehind()) RenderTick();
+    return true;
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    failure_ = error.what();
+    return false;
+  }
+}
+
+void TimeSurfaceNode::TakeMessages() {
+  std::deque<EventMessage> messages;
+  bool reset = false;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (new_builder_) builder_ = std::move(new_builder_);
+    messages.swap(messages_);
+    queued_events_ = 0;
+    std::swap(reset, reset_requested_);
+    if (builder_) counters_ = builder_->counters();
+  }
+  if (reset && builder_) {
+    batches_.clear();
+    BeginEpoch();
+  }
+  for (const EventMessage& message : messages) {
+    Batch batch;
+    batch.arrival = message.arrival;
+    decoder_->Append(message, &batch.events);
+    if (batch.events.empty()) continue;
+    // Within a message stamps may go back a little, too.
+    if (!std::is_sorted(batch.events.begin(), batch.events.end(),
+                        [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; })) {
+      std::stable_sort(batch.events.begin(), batch.events.end(),
+                       [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+    }
+    const std::int64_t first_ns = batch.events.front().t_ns;
+    if (newest_event_ns_ != 0) {
+      const double step_s = SecondsFromNs(first_ns - newest_event_ns_);
+      batch.begins_epoch = step_s < -kBackwards_s || step_s > reset_after_gap_s_;
+    }
+    newest_event_ns_ =
+        batch.begins_epoch ? batch.events.back().t_ns : std::max(newest_event_ns_, batch.events.back().t_ns);
+    input_->Arrived(first_ns);
+    batches_.push_back(std::move(batch));
+  }
+}
+
+void TimeSurfaceNode::DropBatches() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  for (const Batch& batch : batches_) dropped_events_ += batch.events.size();
+  batches_.clear();
+}
+
+void TimeSurfaceNode::BeginEpoch() {
+  builder_->Reset();
+  next_tick_ns_ = 0;
+  last_surface_ns_ = 0;
+  inserted_ns_ = 0;
+  unanswered_ = 0;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  epoch_ = builder_->epoch();
+  last_pose_.reset();
+  scene_depth_.reset();
+  awaiting_pose_.clear();
+  ROS_INFO_STREAM(private_nh_.getNamespace() << ": epoch " << epoch_ << " begins");
+}
+
+bool TimeSurfaceNode::SkipWhenBehind() {
+  // Only this epoch's events count: those of the next have times of their own.
+  std::int64_t newest_ns = next_tick_ns_;
+  for (const Batch& batch : batches_) {
+    if (batch.begins_epoch) break;
+    newest_ns = std::max(newest_ns, batch.events.back().t_ns);
+  }
+  const std::int64_t backlog_ns = newest_ns - next_tick_ns_;
+  if (backlog_ns <= NsFromSeconds(max_backlog_s_)) return false;
+  const std::int64_t ticks = backlog_ns / 2 / period_ns_ + 1;
+  next_tick_ns_ += ticks * period_ns_;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  skipped_ += static_cast<std::uint64_t>(ticks);
+  return true;
+}
+
+Vector6d TimeSurfaceNode::AwaitVelocity() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (last_surface_ns_ != 0 && unanswered_ < kMaxUnanswered) {
+    const auto answered = [this] { return closing_ || (last_pose_ && last_pose_->t_ns >= last_surface_ns_); };
+    const bool in_time = pose_arrived_.wait_for(lock, std::chrono::duration<double>(kPoseTimeout_s), answered);
+    unanswered_ = in_time ? 0 : unanswered_ + 1;
+  } else if (last_pose_ && last_pose_->t_ns >= last_surface_ns_ - 2 * period_ns_) {
+    unanswered_ = 0;
+  }
+  return last_pose_ ? last_pose_->velocity_event : Vector6d::Zero();
+}
+
+void TimeSurfaceNode::RenderTick() {
+  const Vector6d velocity = AwaitVelocity();
+  boost::shared_ptr<const SceneDepth> depth;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    depth = scene_depth_;
+  }
+  const ros::WallTime begin = ros::WallTime::now();
+  const SurfacePtr surface = builder_->Render(next_tick_ns_, velocity, depth ? *depth : SceneDepth());
+  const double render_ms = 1e3 * (ros::WallTime::now() - begin).toSec();
+  last_surface_ns_ = surface->t_ns;
+  next_tick_ns_ += period_ns_;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    render_ms_.Add(render_ms);
+    counters_ = builder_->counters();
+    surface_rate_.Add(surface->t_ns);
+    event_rate_hz_ = surface->event_rate_hz;
+    ++surfaces_;
+    awaiting_pose_.emplace_back(surface->t_ns, last_arrival_);
+    if (awaiting_pose_.size() > 64) awaiting_pose_.pop_front();
+  }
+  surface_publisher_.publish(ToBoost(surface));
+  if (image_publisher_.getNumSubscribers() > 0) PublishImage(*surface);
+}
+
+void TimeSurfaceNode::PublishImage(const Surface& surface) {
+  image_publisher_.publish(ToImageMsg(surface.image, surface.t_ns, event_frame_));
+}
+
+void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!failure_.empty()) {
+    status.summary(DiagnosticStatus::ERROR, failure_);
+  } else if (surfaces_ == 0) {
+    status.summary(DiagnosticStatus::WARN, "no surface yet");
+  } else if (paused_) {
+    status.summary(DiagnosticStatus::WARN, "paused");
+  } else {
+    status.summary(DiagnosticStatus::OK, "rendering");
+  }
+  status.add("epoch", epoch_);
+  status.add("surfaces", surfaces_);
+  status.add("surfaces skipped", skipped_);
+  status.addf("surface rate (Hz of data time)", "%.1f", surface_rate_.Hz());
+  status.addf("event rate (Mev/s)", "%.3f", 1e-6 * event_rate_hz_);
+  status.add("events in", counters_.in);
+  status.add("events outside the image", counters_.outside);
+  status.add("events out of order", counters_.unordered);
+  status.add("events taken for noise", counters_.noise);
+  status.add("events dropped", dropped_events_);
+  status.addf("rendering p50 (ms)", "%.2f", render_ms_.At(0.5));
+  status.addf("rendering p99 (ms)", "%.2f", render_ms_.At(0.99));
+  status.addf("latency event to pose p50 (ms)", "%.2f", latency_ms_.At(0.5));
+  status.addf("latency event to pose p99 (ms)", "%.2f", latency_ms_.At(0.99));
+  status.addf("latency event to pose max (ms)", "%.2f", latency_ms_.At(1));
+}
+
+}  // namespace devo

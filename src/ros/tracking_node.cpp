@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/tracking_node.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <utility>
+
+#include <boost/make_shared.hpp>
+
+#include "devo/core/time.h"
+#include "devo/io/evaluation.h"
+#include "devo/ros/parameters.h"
+#include "devo/ros/rendering.h"
+#include "devo/ros/topics.h"
+
+namespace devo {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+int LevelOf(TrackingState state) {
+  switch (state) {
+    case TrackingState::kTracking:
+    case TrackingState::kRecovered: return DiagnosticStatus::OK;
+    case TrackingState::kLost: return DiagnosticStatus::ERROR;
+    default: return DiagnosticStatus::WARN;
+  }
+}
+
+}  // namespace
+
+TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)), health_(nh, private_nh),
+      image_transport_(nh) {
+  frames_.odom = ReadString(private_nh, "odom_frame", "odom");
+  frames_.event = ReadString(private_nh, "event_frame", "");
+  frames_.base = ReadString(private_nh, "base_frame", "");
+  frames_.initial_pose = ReadPose(private_nh, "initial_pose", Rigid3());
+  output_.publish_tf = ReadBool(private_nh, "publish_tf", true);
+  output_.invert_tf = ReadBool(private_nh, "invert_tf", false);
+  output_.path_min_distance_m = ReadDouble(private_nh, "path_min_distance_m", 0.01, 0, 100);
+  trajectory_file_ = ReadPath(private_nh, "trajectory_file", "devo_trajectory.txt");
+  save_at_shutdown_ = ReadBool(private_nh, "save_at_shutdown", false);
+  surface_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "surface_queue_size", 4, 1, 1000));
+  trajectory_max_poses_ =
+      static_cast<std::size_t>(ReadInt(private_nh, "trajectory_max_poses", 1'440'000, 1, 100'000'000));
+  RefuseUnknown(private_nh, {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "publish_tf",
+                             "invert_tf", "path_min_distance_m", "trajectory_file", "save_at_shutdown",
+                             "surface_queue_size", "trajectory_max_poses", "diagnostic_period"});
+  if (frames_.odom.empty())
+    throw std::invalid_argument("parameter " + private_nh.resolveName("odom_frame") + " is empty");
+  if (!frames_.event.empty()) config_.frames.event = frames_.event;
+
+  tracked_pose_publisher_ = nh_.advertise<PoseEstimate>(topics::kTrackedPose, 8);
+  reprojection_publisher_ = image_transport_.advertise(topics::kReprojectionImage, 2);
+  surface_input_ = health_.AddInput("surfaces", nh_.resolveName(topics::kSurface), "TimeSurface");
+  map_input_ = health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap");
+  RigResolver::Need need;
+  need.base_frame = frames_.base;
+  const std::string imu_topic = InputTopic(nh_, "imu", config_.topics.imu);
+  need.event_frame = !imu_topic.empty();
+  rig_ = std::make_unique<RigResolver>(nh_, config_, need, [this](const ResolvedRig& rig) { OnRig(rig); });
+  if (!imu_topic.empty()) {
+    imu_input_ = health_.AddInput("IMU samples", nh_.resolveName(imu_topic), "Imu");
+    imu_ = std::make_unique<ImuInput>(
+        nh_, imu_topic, [this] { return rig_->event_frame(); },
+        [this](std::int64_t t_ns) { imu_input_->Arrived(t_ns); });
+  }
+  health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
+  health_.AddTask("tracking", [this](auto& status) { FillStatus(status); });
+  worker_ = std::make_unique<Worker>([this] { return Step(); });
+
+  if (!config_.topics.ground_truth.empty()) {
+    ground_truth_ =
+        std::make_unique<GroundTruth>(nh_, config_.topics.ground_truth, config_.T_body_event.value_or(Rigid3()));
+  }
+  surface_subscriber_ = nh_.subscribe<Surface>(
+      topics::kSurface, 64,
+      boost::function<void(const SurfaceConstPtr&)>([this](const SurfaceConstPtr& surface) { OnSurface(surface); }));
+  map_subscriber_ = nh_.subscribe<LocalMap>(topics::kSemiDenseMap, 4,
+                                            boost::function<void(const boost::shared_ptr<const LocalMap>&)>(
+                                                [this](const boost::shared_ptr<const LocalMap>& map) { OnMap(map); }));
+  save_service_ = private_nh_.advertiseService("save_trajectory", &TrackingNode::OnSaveTrajectory, this);
+  rig_->Start();
+  health_.Start();
+}
+
+TrackingNode::~TrackingNode() {
+  surface_subscriber_.shutdown();
+  map_subscriber_.shutdown();
+  save_service_.shutdown();
+  worker_.reset();
+  if (!save_at_shutdown_) return;
+  try {
+    // ROS's log is closed by now.
+    std::printf("%s: %s\n", private_nh_.getNamespace().c_str(), SaveTrajectory().c_str());
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s: %s\n", private_nh_.getNamespace().c_str(), error.what());
+  }
+}
+
+void TrackingNode::OnRig(const ResolvedRig& rig) {
+  OdometryFrames frames;
+  frames.odom_frame = frames_.odom;
+  frames.child_frame = frames_.base.empty() ? rig.event_frame : frames_.base;
+  frames.T_event_child = rig.T_event_base.value_or(Rigid3());
+  frames.T_odom_world = frames_.initial_pose * frames.T_event_child.inverse();
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    new_tracker_ = std::make_unique<Tracker>(rig.rig.event_camera, config_.odometry);
+    new_publisher_ = std::make_unique<OdometryPublisher>(nh_, frames, output_);
+    camera_ = rig.rig.event_camera.Undistorted();
+  }
+  worker_->Wake();
+}
+
+void TrackingNode::OnSurface(const SurfaceConstPtr& surface) {
+  surface_input_->Arrived(surface->t_ns);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    surfaces_.push_back(surface);
+    if (surfaces_.size() > surface_queue_size_) {
+      surfaces_.pop_front();
+      ++dropped_;
+    }
+  }
+  worker_->Wake();
+}
+
+void TrackingNode::OnMap(const boost::shared_ptr<const LocalMap>& map) {
+  map_input_->Arrived(map->t_ns);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  new_map_ = map;
+}
+
+bool TrackingNode::Step() {
+  SurfaceConstPtr surface;
+  boost::shared_ptr<const LocalMap> map;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (new_tracker_) {
+      tracker_ = std::move(new_tracker_);
+      publisher_ = std::move(new_publisher_);
+    }
+    if (!tracker_ || surfaces_.empty()) return false;
+    surface = surfaces_.front();
+    surfaces_.pop_front();
+    map.swap(new_map_);
+  }
+  try {
+    if (epoch_ && *epoch_ != surface->epoch) {
+      publisher_->Clear();
+      if (ground_truth_) ground_truth_->Clear();
+      const std::lock_guard<std::mutex> lock(mutex_);
+      trajectory_.clear();
+    }
+    epoch_ = surface->epoch;
+    const ros::WallTime begin = ros::WallTime::now();
+    if (map) {
+      map_ = map;
+      tracker_->SetMap(ToStd(map));
+    }
+    if (imu_) {
+      for (const ImuSample& sample : imu_->TakeUntil(surface->t_ns)) tracker_->AddImu(sample);
+    }
+    const std::optional<PoseEstimate> pose = tracker_->Track(*surface);
+    Answer(*surface, pose, 1e3 * (ros::WallTime::now() - begin).toSec());
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    failure_ = error.what();
+  }
+  return true;
+}
+
+void TrackingNode::Answer(const Surface& surface, const std::optional<PoseEstimate>& pose, double tracking_ms) {
+  auto answer = boost::make_shared<PoseEstimate>();
+  if (pose) {
+    *answer = *pose;
+  } else {
+    answer->t_ns = surface.t_ns;
+    answer->epoch = surface.epoch;
+  }
+  tracked_pose_publisher_.publish(boost::shared_ptr<const PoseEstimate>(answer));
+  std::uint64_t dropped = 0;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    last_ = *answer;
+    dropped = dropped_;
+    if (pose) {
+      ++tracked_;
+      tracking_ms_.Add(tracking_ms);
+      pose_rate_.Add(pose->t_ns);
+      trajectory_.push_back({pose->t_ns, publisher_->frames().T_odom_world * pose->T_world_event});
+      if (trajectory_.size() > trajectory_max_poses_) {
+        trajectory_.pop_front();
+        ++forgotten_;
+      }
+    } else {
+      ++untracked_;
+    }
+  }
+  publisher_->PublishStatus(surface, *answer, dropped);
+  if (!pose) return;
+  publisher_->Publish(*pose);
+  if (ground_truth_) {
+    ground_truth_->PublishPath(pose->t_ns, publisher_->frames().T_odom_world * pose->T_world_event, frames_.odom);
+  }
+  if (reprojection_publisher_.getNumSubscribers() > 0) DrawReprojection(surface, *pose);
+}
+
+void TrackingNode::DrawReprojection(const Surface& surface, const PoseEstimate& pose) {
+  if (!map_ || map_->epoch != surface.epoch) return;
+  const cv::Mat3b picture =
+      RenderReprojection(surface, *map_, pose.T_world_event.inverse() * map_->T_world_ref, *camera_);
+  reprojection_publisher_.publish(ToImageMsg(picture, surface.t_ns, publisher_->frames().child_frame));
+}
+
+std::string TrackingNode::SaveTrajectory() {
+  Trajectory trajectory;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    trajectory.assign(trajectory_.begin(), trajectory_.end());
+  }
+  WriteTum(trajectory_file_, trajectory);
+  std::string text = std::to_string(trajectory.size()) + " poses written to " + trajectory_file_;
+  if (!ground_truth_) return text;
+  try {
+    const Evaluation e = Evaluate(ground_truth_->poses(), trajectory);
+    char error[200];
+    std::snprintf(
+        error, sizeof(error),
+        "; against ground truth over %.2f m: ATE RMSE %.4f m (%.2f %% of the path), RPE over 1 s %.2f deg %.2f cm",
+        e.path_length_m, e.ate_rmse_m, e.drift_percent, e.rpe_rotation_rmse_deg, e.rpe_translation_rmse_cm);
+    return text + error;
+  } catch (const std::exception& error) {
+    return text + "; not compared with ground truth: " + error.what();
+  }
+}
+
+bool TrackingNode::OnSaveTrajectory(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  try {
+    response.message = SaveTrajectory();
+    response.success = 1;
+  } catch (const std::exception& error) {
+    response.message = error.what();
+    response.success = 0;
+  }
+  return true;
+}
+
+void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!failure_.empty()) {
+    status.summary(DiagnosticStatus::ERROR, failure_);
+  } else if (tracked_ + untracked_ == 0) {
+    status.summary(DiagnosticStatus::WARN, "no data");
+  } else {
+    status.summary(static_cast<unsigned char>(LevelOf(last_.state)), ToString(last_.state));
+  }
+  status.add("tracking state", ToString(last_.state));
+  status.add("epoch", last_.epoch);
+  status.add("poses", tracked_);
+  status.add("surfaces before the first map", untracked_);
+  status.add("surfaces dropped", dropped_);
+  status.add("oldest poses forgotten", forgotten_);
+  if (imu_) imu_->Fill(status);
+  status.addf("pose rate (Hz of data time)", "%.1f", pose_rate_.Hz());
+  status.add("reference", last_.reference_id);
+  status.add("points used", last_.points_used);
+  status.addf("matched share", "%.2f", last_.inlier_share);
+  status.addf("mean residual (px)", "%.2f", last_.mean_residual_px);
+  status.addf("tracking p50 (ms)", "%.2f", tracking_ms_.At(0.5));
+  status.addf("tracking p99 (ms)", "%.2f", tracking_ms_.At(0.99));
+  status.addf("tracking max (ms)", "%.2f", tracking_ms_.At(1));
+}
+
+}  // namespace devo

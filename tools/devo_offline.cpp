@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The odometry on recorded bags, as fast as it can, without a roscore.
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <opencv2/core/utility.hpp>
+
+#include "devo/core/odometry.h"
+#include "devo/core/time.h"
+#include "devo/io/point_cloud_file.h"
+#include "devo/io/rig_config.h"
+#include "devo/io/run_report.h"
+#include "devo/ros/bag_reader.h"
+#include "devo/ros/read_ahead.h"
+
+namespace {
+
+struct Arguments {
+  std::vector<std::string> configs, bags, overrides;
+  std::string out, ground_truth;
+  devo::BagRange range;
+  double depth_rate_hz = 0;
+  int threads = 2;
+};
+
+/// A bar on a terminal, plain lines elsewhere; on standard error, so that it never mixes with results.
+class Progress {
+ public:
+  void Show(double share) {
+    const int percent = static_cast<int>(100 * share);
+    if (percent < next_percent_) return;
+    if (terminal_) {
+      const std::string bar(static_cast<std::size_t>(percent / 2), '=');
+      std::fprintf(stderr, "\r[%-50s] %3d %%%s", bar.c_str(), percent, percent >= 100 ? "\n" : "");
+    } else {
+      std::fprintf(stderr, "%d %% of the events\n", percent);
+    }
+    std::fflush(stderr);
+    next_percent_ = percent + (terminal_ ? 1 : 25);
+    if (next_percent_ > 100 && percent < 100) next_percent_ = 100;
+    open_line_ = terminal_ && percent < 100;
+  }
+  void Finish() {
+    if (open_line_) std::fprintf(stderr, "\n");
+    open_line_ = false;
+  }
+
+ private:
+  const bool terminal_ = isatty(STDERR_FILENO) != 0;
+  int next_percent_ = 0;
+  bool open_line_ = false;
+};
+
+/// Lets through `rate_hz` images per second, those nearest after the ticks of a clock that the first one starts.
+class DepthThinning {
+ public:
+  explicit DepthThinning(double rate_hz) : rate_hz_(rate_hz) {}
+
+  bool Keep(std::int64_t t_ns) {
+    if (rate_hz_ <= 0) return true;
+    constexpr std::int64_t kJitter_ns = 2000000;  // a camera's stamps are not exactly a period apart
+    const auto period_ns = devo::NsFromSeconds(1 / rate_hz_);
+    if (next_ns_ == 0) next_ns_ = t_ns;
+    if (t_ns + kJitter_ns < next_ns_) return false;
+    while (next_ns_ <= t_ns + kJitter_ns) next_ns_ += period_ns;
+    return true;
+  }
+
+ private:
+  double rate_hz_;
+  std::int64_t next_ns_ = 0;
+};
+
+/// Everything that one run holds, from the opened bags to the written files.
+class Run {
+ public:
+  explicit Run(const Arguments& arguments)
+      : arguments_(arguments), config_(devo::LoadRigConfig(arguments.configs, arguments.overrides)),
+        reader_(arguments.bags, config_, arguments.range), rig_(reader_.ReadRig()), odometry_(rig_, config_.odometry),
+        report_(config_.odometry.surface.rate_hz), thinning_(arguments.depth_rate_hz) {
+    if (!arguments.ground_truth.empty()) truth_ = devo::ReadTum(arguments.ground_truth);
+    odometry_.on_pose = [this](const devo::PoseEstimate& pose, const devo::Surface&) { report_.AddPose(pose); };
+  }
+
+  /// Reads to the end, or to the first item that cannot be used: then its error is in the report.
+  void Process() {
+    const auto wall = std::chrono::steady_clock::now();
+    Progress progress;
+    try {
+      devo::ReadAhead items(&reader_, arguments_.threads > 1);
+      while (const auto item = items.Next()) {
+        std::visit([this](const auto& value) { Take(value); }, item->item);
+        progress.Show(item->progress);
+      }
+    } catch (const std::exception& e) {
+      report_.error = e.what();
+    }
+    progress.Finish();
+    report_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
+    report_.cpu_s = static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+    Judge();
+    Evaluate();
+  }
+
+  void Write() {
+    const std::string base = arguments_.out + "/";
+    const std::vector<devo::MapPoint> map = odometry_.GlobalMap();
+    report_.map_points = map.size();
+    report_.timings = odometry_.timings();
+    report_.configuration = devo::Describe(config_);
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    report_.peak_memory_mb = static_cast<double>(usage.ru_maxrss) / 1024;
+    devo::WriteTum(base + "trajectory.txt", report_.trajectory());
+    devo::WritePointCloud(base + "map.pcd", map);
+    std::ofstream file(base + "report.json");
+    file << report_.ToJson() << '\n';
+    if (!file.flush()) throw std::runtime_error("'" + base + "report.json': cannot be written");
+  }
+
+  const devo::RunReport& report() const { return report_; }
+
+ private:
+  void Take(const devo::EventSlice& slice) {
+    if (report_.begin_ns == 0) report_.begin_ns = slice.events.begin()->t_ns;
+    report_.end_ns = std::max(report_.end_ns, slice.events.end()[-1].t_ns);
+    odometry_.AddEvents(slice.events);
+  }
+  void Take(const devo::DepthImage& depth) {
+    if (depth.depth_m.cols != rig_.depth_camera.width() || depth.depth_m.rows != rig_.depth_camera.height()) {
+      const auto size = [](int w, int h) { return std::to_string(w) + "x" + std::to_string(h); };
+      throw std::runtime_error(
+          "topic '" + config_.topics.depth + "': depth image is " + size(depth.depth_m.cols, depth.depth_m.rows) +
+          ", expected " + size(rig_.depth_camera.width(), rig_.depth_camera.height()) +
+          (rig_.depth_registered ? " as the event camera (registered: true)" : " as its calibration"));
+    }
+    if (thinning_.Keep(depth.t_ns)) {
+      odometry_.AddDepth(depth);
+    } else {
+      ++report_.depth_skipped_by_rate;
+    }
+  }
+  void Take(const devo::ImuSample& sample) { odometry_.AddImu(sample); }
+  void Take(const devo::GroundTruthPose& truth) {
+    if (arguments_.ground_truth.empty()) truth_.push_back(truth.pose);
+  }
+
+  /// A few bad events or images are a warning; a share that shows a wrong calibration or a broken recording an error.
+  void Complain(std::uint64_t bad, std::uint64_t all, const std::string& what) {
+    constexpr double kTolerableShare = 0.01;
+    if (bad == 0) return;
+    const std::string sentence = std::to_string(bad) + " of " + std::to_string(all) + " " + what;
+    if (static_cast<double>(bad) > kTolerableShare * static_cast<double>(all)) {
+      if (report_.error.empty()) report_.error = sentence;
+    } else {
+      report_.warnings.push_back(sentence);
+    }
+  }
+
+  void Judge() {
+    report_.counters = odometry_.counters();
+    report_.depth_unordered = reader_.dropped_unordered();
+    for (const std::string& defect : reader_.Defects()) {
+      if (report_.error.empty()) report_.error = defect;
+    }
+    const auto& c = report_.counters;
+    const std::string events = "events of topic '" + config_.topics.events + "' ";
+    const std::string depth = "depth images of topic '" + config_.topics.depth + "' ";
+    Complain(c.events_outside, c.events_in,
+             events + "lie outside the image, expected x below " + std::to_string(rig_.event_camera.width()) +
+                 " and y below " + std::to_string(rig_.event_camera.height()) + " (is event_camera the right one?)");
+    Complain(c.events_unordered, c.events_in,
+             events + "are earlier than the one before, expected times that never fall");
+    Complain(report_.depth_unordered, c.depth_in + report_.depth_unordered + report_.depth_skipped_by_rate,
+             depth + "are not later than the one before, expected stamps that rise");
+    if (c.depth_without_valid_pixel > 0 && c.depth_used == 0 && report_.error.empty()) {
+      report_.error = "no image of topic '" + config_.topics.depth + "' (" + std::to_string(c.depth_in) +
+                      ") has a valid pixel, expected readings between mapping.min_depth_m and mapping.max_depth_m";
+    }
+    if (report_.trajectory().empty() && report_.error.empty()) {
+      report_.error = "no pose: " + std::to_string(c.events_in) + " events and " + std::to_string(c.depth_in) +
+                      " depth images made no reference, expected events and depth of the same time and a moving camera";
+    }
+  }
+
+  void Evaluate() {
+    devo::SortByTime(&truth_);
+    if (truth_.empty() || report_.trajectory().empty()) return;
+    if (config_.T_body_event) {
+      for (devo::StampedPose& pose : truth_) pose.T_world_body = pose.T_world_body * *config_.T_body_event;
+    }
+    try {
+      report_.evaluation = devo::Evaluate(truth_, report_.trajectory());
+    } catch (const std::runtime_error& e) {
+      report_.warnings.emplace_back(e.what());
+    }
+  }
+
+  Arguments arguments_;
+  devo::RigConfig config_;
+  devo::BagReader reader_;
+  devo::Rig rig_;
+  devo::Odometry odometry_;
+  devo::RunReport report_;
+  DepthThinning thinning_;
+  devo::Trajectory truth_;
+};
+
+void MakeDirectory(const std::string& path) {
+  for (std::size_t slash = path.find('/', 1);; slash = path.find('/', slash + 1)) {
+    mkdir(path.substr(0, slash).c_str(), 0777);  // those that exist already fail, harmlessly
+    if (slash == std::string::npos) break;
+  }
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
+    throw std::runtime_error("'" + path + "': cannot be made, expected a folder that can be written");
+  }
+}
+
+int RunOffline(const Arguments& arguments) {
+  cv::setNumThreads(arguments.threads);
+  MakeDirectory(arguments.out);
+  Run run(arguments);
+  run.Process();
+  run.Write();
+  for (const std::string& warning : run.report().warnings)
+    std::fprintf(stderr, "devo_offline: warning: %s\n", warning.c_str());
+  std::printf("%s%s/trajectory.txt, map.pcd, report.json\n", run.report().Summary().c_str(), arguments.out.c_str());
+  if (run.report().error.empty()) return 0;
+  std::fprintf(stderr, "devo_offline: %s\n", run.report().error.c_str());
+  return 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Depth-event visual odometry on bags: trajectory (TUM), map (PCD) and report (JSON) into a folder."};
+  Arguments arguments;
+  bool print_parameters = false;
+  auto* config = app.add_option("--config", arguments.configs, "rig's yaml; later files override earlier ones");
+  auto* bag = app.add_option("--bag", arguments.bags, "bags, merged by the time of their data");
+  auto* out = app.add_option("--out", arguments.out, "folder for the results, made if missing");
+  app.add_option("--set", arguments.overrides, "key=value that overrides the yaml, e.g. surface.rate_hz=200");
+  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(CLI::NonNegativeNumber);
+  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(CLI::PositiveNumber);
+  app.add_option("--depth-rate", arguments.depth_rate_hz, "use at most this many depth images per second")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--groundtruth", arguments.ground_truth, "TUM file; else the bags' topics.ground_truth");
+  app.add_option("--threads", arguments.threads, "1: read and compute in turn, else at once; same result")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  app.add_flag("--print-parameters", print_parameters, "print docs/parameters.md and exit");
+  try {
+    app.parse(argc, argv);
+    if (!print_parameters) {
+      for (const auto* option : {config, bag, out}) {
+        if (option->empty()) throw CLI::RequiredError(option->get_name());
+      }
+    }
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  if (print_parameters) {
+    std::printf("%s", devo::ParametersMarkdown().c_str());
+    return 0;
+  }
+  try {
+    return RunOffline(arguments);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "devo_offline: %s\n", e.what());
+    return 2;
+  }
+}

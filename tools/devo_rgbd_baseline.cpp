@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// What an RGB-D camera would have given: OpenCV's ICPOdometry (depth alone) and RgbdICPOdometry (depth and frames) on
+// the bags that devo_offline reads, at the same depth rate, judged by the same evaluation. Frame to frame, one thread.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <cv_bridge/cv_bridge.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/Image.h>
+#include <CLI/CLI.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/rgbd.hpp>
+
+#include "devo/core/camera.h"
+#include "devo/core/rig.h"
+#include "devo/core/time.h"
+#include "devo/io/evaluation.h"
+#include "devo/io/rig_config.h"
+#include "devo/io/trajectory.h"
+#include "devo/ros/bag_reader.h"
+#include "devo/ros/conversions.h"
+
+namespace devo {
+namespace {
+
+struct Arguments {
+  std::vector<std::string> configs, bags;
+  std::string image_topic = "/event_camera/image_raw";
+  std::string out = ".";
+  std::string ground_truth_file;
+  double depth_rate_hz = 30;
+  double max_gap_s = 0.02;
+};
+
+struct StampedImage {
+  std::int64_t t_ns;
+  cv::Mat image;  // CV_8UC1, or CV_32FC1 in metres
+};
+
+struct Recording {
+  std::vector<StampedImage> frames, depths;
+  Rig rig;
+  Trajectory ground_truth;
+};
+
+std::vector<StampedImage> ReadFrames(const Arguments& arguments) {
+  std::vector<StampedImage> frames;
+  for (const std::string& path : arguments.bags) {
+    rosbag::Bag bag(path);
+    for (const rosbag::MessageInstance& message : rosbag::View(bag, rosbag::TopicQuery(arguments.image_topic))) {
+      const auto image = message.instantiate<sensor_msgs::Image>();
+      if (!image)
+        throw std::runtime_error(arguments.image_topic + " is " + message.getDataType() + ", expected an Image");
+      frames.push_back({FromRosTime(image->header.stamp), cv_bridge::toCvCopy(image, "mono8")->image});
+    }
+  }
+  return frames;
+}
+
+Recording ReadRecording(const Arguments& arguments, const RigConfig& config) {
+  Recording recording;
+  BagReader reader(arguments.bags, config);
+  recording.rig = reader.ReadRig();
+  if (recording.rig.depth_registered) {
+    recording.rig.depth_camera = recording.rig.event_camera;
+    recording.rig.T_event_depth = Rigid3();
+  }
+  const Rigid3 T_body_event = config.T_body_event.value_or(Rigid3());
+  while (const std::optional<BagItem> item = reader.Next()) {
+    if (const auto* depth = std::get_if<DepthImage>(&*item)) {
+      cv::Mat depth_m = depth->depth_m.clone();
+      // OpenCV's odometry takes NaN for "no measurement".
+      depth_m.setTo(std::nanf(""), depth_m <= 0);
+      recording.depths.push_back({depth->t_ns, depth_m});
+    } else if (const auto* truth = std::get_if<GroundTruthPose>(&*item)) {
+      recording.ground_truth.push_back({truth->pose.t_ns, truth->pose.T_world_body * T_body_event});
+    }
+  }
+  if (recording.depths.empty()) throw std::runtime_error("no depth image on topic " + config.topics.depth);
+  recording.frames = ReadFrames(arguments);
+  if (!arguments.ground_truth_file.empty()) recording.ground_truth = ReadTum(arguments.ground_truth_file);
+  SortByTime(&recording.ground_truth);
+  return recording;
+}
+
+/// Where each pixel of the undistorted image lies in the distorted one, for cv::remap.
+cv::Mat2f UndistortionMap(const Camera& camera) {
+  cv::Mat2f map(camera.height(), camera.width());
+  for (int y = 0; y < camera.height(); ++y) {
+    for (int x = 0; x < camera.width(); ++x) {
+      const auto u = camera.Project({(x - camera.cx()) / camera.fx(), (y - camera.cy()) / camera.fy(), 1});
+      map(y, x) = u ? cv::Vec2f(static_cast<float>(u->x()), static_cast<float>(u->y())) : cv::Vec2f(-1e4F, -1e4F);
+    }
+  }
+  return map;
+}
+
+cv::Mat Undistort(const cv::Mat& image, const cv::Mat2f& map) {
+  const bool depth = image.type() == CV_32F;
+  cv::Mat undistorted;
+  // Interpolated depth would invent surfaces between foreground and background.
+  cv::remap(image, undistorted, map, cv::noArray(), depth ? cv::INTER_NEAREST : cv::INTER_LINEAR, cv::BORDER_CONSTANT,
+            depth ? cv::Scalar(std::nanf("")) : cv::Scalar(0));
+  return undistorted;
+}
+
+cv::Mat1d Intrinsics(const Camera& camera) {
+  return (cv::Mat1d(3, 3) << camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1);
+}
+
+/// Depth of another camera in the undistorted image of `target`: each reading goes to the four pixels around its
+/// place, the nearest wins. (cv::rgbd::registerDepth of OpenCV 4.6 writes out of bounds when the sizes differ.)
+cv::Mat1f RegisterDepth(const cv::Mat1f& depth_m, const cv::Mat2f& rays, const Rigid3& T_target_depth,
+                        const Camera& target) {
+  cv::Mat1f registered(target.height(), target.width(), std::nanf(""));
+  for (int y = 0; y < depth_m.rows; ++y) {
+    for (int x = 0; x < depth_m.cols; ++x) {
+      const double z = depth_m(y, x);
+      if (!(z > 0) || std::isnan(rays(y, x)[0])) continue;
+      const Eigen::Vector3d p = T_target_depth * Eigen::Vector3d(z * rays(y, x)[0], z * rays(y, x)[1], z);
+      const auto u = target.Project(p);
+      if (!u) continue;
+      const int column = static_cast<int>(std::floor(u->x())), row = static_cast<int>(std::floor(u->y()));
+      for (const cv::Point pixel : {cv::Point(column, row), cv::Point(column + 1, row), cv::Point(column, row + 1),
+                                    cv::Point(column + 1, row + 1)}) {
+        if (pixel.x < 0 || pixel.y < 0 || pixel.x >= registered.cols || pixel.y >= registered.rows) continue;
+        float& value = registered(pixel);
+        if (std::isnan(value) || p.z() < value) value = static_cast<float>(p.z());
+      }
+    }
+  }
+  return registered;
+}
+
+Rigid3 FromCv(const cv::Mat& matrix) {
+  Eigen::Matrix4d T;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) T(row, column) = matrix.at<double>(row, column);
+  }
+  return Rigid3::FromMatrix(T);
+}
+
+/// Depth images no closer together than the rate allows, from the first on.
+std::vector<const StampedImage*> AtRate(const std::vector<StampedImage>& images, double rate_hz) {
+  std::vector<const StampedImage*> kept;
+  for (const StampedImage& image : images) {
+    // A tenth of a period of slack, so that jittered stamps at the sensor's own rate all pass.
+    if (kept.empty() || SecondsFromNs(image.t_ns - kept.back()->t_ns) >= 0.9 / rate_hz) kept.push_back(&image);
+  }
+  return kept;
+}
+
+const StampedImage* Nearest(const std::vector<StampedImage>& images, std::int64_t t_ns, double max_gap_s) {
+  const StampedImage* nearest = nullptr;
+  for (const StampedImage& image : images) {
+    const auto gap = [t_ns](const StampedImage& other) { return std::abs(other.t_ns - t_ns); };
+    if (!nearest || gap(image) < gap(*nearest)) nearest = &image;
+  }
+  if (!nearest || SecondsFromNs(std::abs(nearest->t_ns - t_ns)) > max_gap_s) return nullptr;
+  return nearest;
+}
+
+struct Result {
+  Trajectory trajectory;  // T_world_event
+  std::vector<double> cpu_ms;
+  int refused = 0;  // steps that OpenCV could not estimate; the pose is then kept
+};
+
+/// What differs between the two methods: the camera they work in, and what they see.
+struct Input {
+  Camera camera;  // without distortion
+  Rigid3 T_event_camera;
+  std::vector<StampedImage> depths, frames;  // of equal count; frames are black for ICP
+};
+
+template <typename Odometry>
+Result Run(const Input& input) {
+  auto odometry = Odometry::create(Intrinsics(input.camera), 0.1F, 10.0F);
+  // The defaults refuse steps above 0.15 m or 15 deg, which at 1 Hz would be most of them.
+  odometry->setMaxTranslation(1.0);
+  odometry->setMaxRotation(60.0);
+  Result result;
+  Rigid3 T_world_camera;
+  cv::Ptr<cv::rgbd::OdometryFrame> previous;
+  for (std::size_t i = 0; i < input.depths.size(); ++i) {
+    const std::clock_t start = std::clock();
+    auto frame = cv::makePtr<cv::rgbd::OdometryFrame>(input.frames[i].image, input.depths[i].image);
+    if (previous) {
+      cv::Mat T_previous_current;
+      // compute() maps points of its first frame to its second.
+      const bool found = odometry->compute(frame, previous, T_previous_current) && cv::checkRange(T_previous_current);
+      if (found) T_world_camera = T_world_camera * FromCv(T_previous_current);
+      if (!found) ++result.refused;
+    }
+    previous = frame;
+    result.cpu_ms.push_back(1e3 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC);
+    result.trajectory.push_back({input.depths[i].t_ns, T_world_camera * input.T_event_camera.inverse()});
+  }
+  return result;
+}
+
+/// ICP needs no frames: it runs in the depth camera, on its raw readings.
+Input InputOfDepth(const Recording& recording, double depth_rate_hz) {
+  Input input{recording.rig.depth_camera.Undistorted(), recording.rig.T_event_depth, {}, {}};
+  const cv::Mat2f map = UndistortionMap(recording.rig.depth_camera);
+  for (const StampedImage* depth : AtRate(recording.depths, depth_rate_hz)) {
+    input.depths.push_back({depth->t_ns, Undistort(depth->image, map)});
+    input.frames.push_back({depth->t_ns, cv::Mat(depth->image.size(), CV_8U, cv::Scalar(0))});
+  }
+  return input;
+}
+
+/// RGB-D odometry runs in the frame camera, with the depth registered to it.
+Input InputOfFrames(const Recording& recording, double depth_rate_hz, double max_gap_s) {
+  Input input{recording.rig.event_camera.Undistorted(), Rigid3(), {}, {}};
+  const cv::Mat2f depth_rays = RayTable(recording.rig.depth_camera);
+  const cv::Mat2f frame_map = UndistortionMap(recording.rig.event_camera);
+  for (const StampedImage* depth : AtRate(recording.depths, depth_rate_hz)) {
+    const StampedImage* frame = Nearest(recording.frames, depth->t_ns, max_gap_s);
+    if (!frame) continue;
+    input.depths.push_back(
+        {depth->t_ns, RegisterDepth(depth->image, depth_rays, recording.rig.T_event_depth, input.camera)});
+    input.frames.push_back({frame->t_ns, Undistort(frame->image, frame_map)});
+  }
+  return input;
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+void Report(const std::string& name, const Arguments& arguments, const Recording& recording, const Result& result) {
+  WriteTum(arguments.out + "/" + name + ".txt", result.trajectory);
+  std::printf("%-5s %3zu images, %d steps refused, median %.1f ms CPU per image", name.c_str(),
+              result.trajectory.size(), result.refused, Median(result.cpu_ms));
+  if (!recording.ground_truth.empty()) {
+    const Evaluation evaluation = Evaluate(recording.ground_truth, result.trajectory);
+    std::printf(", ATE %.2f cm (%.2f %% of %.2f m)", 100 * evaluation.ate_rmse_m, evaluation.drift_percent,
+                evaluation.path_length_m);
+    std::ofstream(arguments.out + "/" + name + ".json") << ToJson(evaluation) << "\n";
+  }
+  std::printf("\n");
+}
+
+void Main(const Arguments& arguments) {
+  cv::setNumThreads(1);
+  const Recording recording = ReadRecording(arguments, LoadRigConfig(arguments.configs));
+  Report("icp", arguments, recording, Run<cv::rgbd::ICPOdometry>(InputOfDepth(recording, arguments.depth_rate_hz)));
+  if (recording.frames.empty()) {
+    std::printf("rgbd  not run: no frame on topic %s\n", arguments.image_topic.c_str());
+    return;
+  }
+  Report("rgbd", arguments, recording,
+         Run<cv::rgbd::RgbdICPOdometry>(InputOfFrames(recording, arguments.depth_rate_hz, arguments.max_gap_s)));
+}
+
+}  // namespace
+}  // namespace devo
+
+int main(int argc, char** argv) {
+  devo::Arguments arguments;
+  CLI::App app("OpenCV's RGB-D odometries on the bags of devo_offline; writes icp.txt and rgbd.txt (TUM)");
+  app.add_option("--config", arguments.configs, "yaml of the rig; several: later ones override")->required();
+  app.add_option("--bag", arguments.bags, "recordings, read together")->required();
+  app.add_option("--out", arguments.out, "existing folder to write to")->check(CLI::ExistingDirectory);
+  app.add_option("--image-topic", arguments.image_topic, "frames in the event camera's image");
+  app.add_option("--depth-rate", arguments.depth_rate_hz, "use depth images at most this often, Hz");
+  app.add_option("--max-gap", arguments.max_gap_s, "largest time between a depth image and its frame, s");
+  app.add_option("--groundtruth", arguments.ground_truth_file, "TUM file in place of the bag's topic");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    devo::Main(arguments);
+  } catch (const std::exception& error) {
+    std::cerr << "devo_rgbd_baseline: " << error.what() << "\n";
+    return 2;
+  }
+  return 0;
+}

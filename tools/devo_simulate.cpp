@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Simulates a rig of event, depth, frame camera, LiDAR and IMU in a scene, into bags with ground truth.
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+
+#include <CLI/CLI.hpp>
+
+#include "devo/ros/sim_bag_writer.h"
+#include "devo/sim/sequence.h"
+
+namespace {
+
+using devo::sim::SequenceOptions;
+
+struct Arguments {
+  SequenceOptions sequence;
+  std::string out = "simulated";
+  std::string dialect = "plain";
+  std::string depth = "kinect";
+  std::vector<double> stops;
+  bool no_frames = false, no_imu = false, quiet = false;
+};
+
+void AddOptions(CLI::App* app, Arguments* a) {
+  SequenceOptions& s = a->sequence;
+  app->add_option("--out", a->out, "file name without extension: OUT.bag, OUT.yaml, OUT_groundtruth.txt")
+      ->capture_default_str();
+  app->add_option("--scene", s.scene, "cali, table, sofa, hall, or a scene .yaml")
+      ->capture_default_str()
+      ->group("What is seen");
+  app->add_option("--light", s.light, "bright, darkish, dim, dark, hdr")->capture_default_str()->group("What is seen");
+  app->add_option("--speed", s.speed, "slow (0.3 m/s, 30 deg/s), mid (0.8, 80) or fast (1.5, 200)")
+      ->capture_default_str()
+      ->group("Motion");
+  app->add_option("--trajectory", s.trajectory_file, "TUM file with poses of the event camera instead of random motion")
+      ->group("Motion");
+  app->add_option("--duration", s.duration_s, "seconds")->capture_default_str()->group("Motion");
+  app->add_option("--rest", s.rest_s, "seconds at rest at the begin")->capture_default_str()->group("Motion");
+  app->add_option("--stop", a->stops, "stand still: BEGIN DURATION in seconds; may be repeated")
+      ->type_size(2)
+      ->group("Motion");
+  app->add_option("--seed", s.seed, "of motion and noise; the same seed gives the same bytes")
+      ->capture_default_str()
+      ->group("Motion");
+  app->add_option("--sensor", s.sensor,
+                  "gen3 (640x480), davis346, davis240, gen4 (1280x720), gen3_vector, davis346_mvsec")
+      ->capture_default_str()
+      ->group("Sensors");
+  app->add_flag("--ideal", s.ideal_pixels, "event pixels without noise, mismatch, latency or limits")->group("Sensors");
+  app->add_option("--depth", a->depth,
+                  "kinect (Azure Kinect beside the event camera, with its errors), exact (the same without), "
+                  "registered (exact, in the event camera's image), none")
+      ->capture_default_str()
+      ->group("Sensors");
+  app->add_option("--depth-rate", s.depth_rate_hz, "depth images per second")->capture_default_str()->group("Sensors");
+  app->add_option("--depth-offset", s.depth_time_offset_s, "seconds by which depth stamps are late")
+      ->capture_default_str()
+      ->group("Sensors");
+  app->add_option("--multipath", s.multipath, "strength of the depth's bias in corners, e.g. 0.2")
+      ->capture_default_str()
+      ->group("Sensors");
+  app->add_flag("--lidar", s.lidar, "add a 16-beam LiDAR at 10 Hz")->group("Sensors");
+  app->add_flag("--no-frames", a->no_frames, "no frames of the event camera")->group("Sensors");
+  app->add_flag("--no-imu", a->no_imu, "no IMU")->group("Sensors");
+  app->add_option("--dialect", a->dialect,
+                  "plain, mvsec or vector: topics, files and calibration as these data sets have them (and their "
+                  "sensors, unless given)")
+      ->capture_default_str()
+      ->group("Output");
+  app->add_option("--threads", s.threads, "0: one per processor; does not change the result")
+      ->capture_default_str()
+      ->group("Output");
+  app->add_flag("--quiet", a->quiet, "no progress")->group("Output");
+}
+
+/// What a data set's rig has, where the user did not say otherwise.
+void ApplyDialect(const CLI::App& app, Arguments* a) {
+  const devo::BagDialect dialect = devo::BagDialectOf(a->dialect);
+  if (dialect == devo::BagDialect::kPlain) return;
+  const bool mvsec = dialect == devo::BagDialect::kMvsec;
+  if (app.count("--sensor") == 0) a->sequence.sensor = mvsec ? "davis346_mvsec" : "gen3_vector";
+  if (app.count("--depth") == 0 && mvsec) a->depth = "registered";
+  if (app.count("--depth-rate") == 0 && mvsec) a->sequence.depth_rate_hz = 20;
+  a->sequence.lidar = true;
+}
+
+SequenceOptions Finish(Arguments* a) {
+  using Depth = SequenceOptions::Depth;
+  SequenceOptions& s = a->sequence;
+  if (a->depth == "kinect") {
+    s.depth = Depth::kKinect;
+  } else if (a->depth == "exact") {
+    s.depth = Depth::kKinectExact;
+  } else if (a->depth == "registered") {
+    s.depth = Depth::kRegistered;
+  } else if (a->depth == "none") {
+    s.depth = Depth::kNone;
+  } else {
+    throw std::invalid_argument("--depth '" + a->depth +
+                                "' is not known; expected one of kinect, exact, registered, none");
+  }
+  for (std::size_t i = 0; i + 1 < a->stops.size(); i += 2) s.stops.push_back({a->stops[i], a->stops[i + 1]});
+  s.frames = !a->no_frames;
+  s.imu = !a->no_imu;
+  return s;
+}
+
+/// A bar on a terminal, a line every ten percent elsewhere.
+class Progress {
+ public:
+  explicit Progress(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) != 0) {}
+
+  void Show(double share, const devo::sim::SequenceStatistics& s) {
+    if (quiet_) return;
+    const double passed = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    const int tenth = static_cast<int>(share * 10);
+    if (terminal_) {
+      std::string bar(40, '.');
+      for (int i = 0; i < static_cast<int>(share * 40); ++i) bar[i] = '#';
+      std::fprintf(stderr, "\r[%s] %3.0f %%  %6.2f Mev  %3.0f s left ", bar.c_str(), 100 * share,
+                   1e-6 * static_cast<double>(s.events), passed * (1 / share - 1));
+      if (share >= 1) std::fprintf(stderr, "\n");
+    } else if (tenth > last_tenth_) {
+      std::fprintf(stderr, "%d %% after %.1f s, %.2f Mev\n", 10 * tenth, passed, 1e-6 * static_cast<double>(s.events));
+    }
+    last_tenth_ = tenth;
+  }
+
+ private:
+  bool quiet_, terminal_;
+  int last_tenth_ = 0;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
+void Run(Arguments* arguments) {
+  devo::sim::Sequence sequence(Finish(arguments));
+  const auto writer = devo::SimBagWriter::Create(devo::BagDialectOf(arguments->dialect), arguments->out, sequence);
+  Progress progress(arguments->quiet);
+  devo::sim::Chunk chunk;
+  while (sequence.Next(&chunk)) {
+    writer->Write(chunk);
+    progress.Show(static_cast<double>(chunk.end_ns - sequence.begin_ns()) /
+                      static_cast<double>(sequence.end_ns() - sequence.begin_ns()),
+                  sequence.statistics());
+  }
+  writer->Close();
+  const auto& s = sequence.statistics();
+  const double duration = sequence.options().duration_s;
+  std::printf("%llu events (%.2f Mev/s, %llu lost in the readout), path %.2f m, up to %.2f m/s and %.0f deg/s\n",
+              static_cast<unsigned long long>(s.events), 1e-6 * static_cast<double>(s.events) / duration,
+              static_cast<unsigned long long>(s.events_lost_in_readout), s.path_m, s.max_speed_m_s,
+              s.max_rate_rad_s * 57.29578);
+  std::printf("%llu renderings; %.1f s for events and frames, %.1f s for depth\n",
+              static_cast<unsigned long long>(s.renderings), s.render_s, s.depth_s);
+  for (const auto& file : writer->files()) std::printf("wrote %s\n", file.c_str());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Simulates an event camera with a depth camera, frames, IMU and ground truth in a synthetic scene and writes ROS "
+      "bags.\n"
+      "Example: devo_simulate --scene table --speed mid --light bright --duration 5 --out /tmp/table_mid\n"
+      "Models and options: docs/simulation.md");
+  Arguments arguments;
+  AddOptions(&app, &arguments);
+  CLI11_PARSE(app, argc, argv);
+  try {
+    ApplyDialect(app, &arguments);
+    Run(&arguments);
+  } catch (const std::exception& e) {
+    std::cerr << "devo_simulate: " << e.what() << '\n';
+    return 2;
+  }
+  return 0;
+}

@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/alignment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
+
+#include "devo/core/alignment_problem.h"
+#include "devo/core/crests.h"
+#include "numeric_jacobian.h"
+
+namespace devo {
+namespace {
+
+Camera TestCamera() { return {240, 180, 200, 200, 119.5, 89.5, "", {}}; }
+
+/// Points along a segment in the view that made them: from one pixel to another, at a depth.
+void AddSegment(const Eigen::Vector2d& from_px, const Eigen::Vector2d& to_px, double z_m,
+                std::vector<MapPoint>* points) {
+  const Eigen::Vector2d along = (to_px - from_px).normalized();
+  for (double s = 0; s < (to_px - from_px).norm(); s += 0.7) {
+    MapPoint point;
+    point.p_ref = (z_m * *TestCamera().Unproject(from_px + s * along)).cast<float>();
+    point.normal_ref = Eigen::Vector3f(static_cast<float>(-along.y()), static_cast<float>(along.x()), 0);
+    points->push_back(point);
+  }
+}
+
+/// Thirty segments of all directions on a grid, so that none crosses another, 1 to 3 m away.
+std::vector<MapPoint> Scene() {
+  std::mt19937 random(10);
+  std::uniform_real_distribution<double> angle(0, M_PI), z(1, 3);
+  std::vector<MapPoint> points;
+  for (int k = 0; k < 30; ++k) {
+    const Eigen::Vector2d center(40 + k % 6 * 32, 33 + k / 6 * 28);
+    const double a = angle(random);
+    const Eigen::Vector2d half = 9 * Eigen::Vector2d(std::cos(a), std::sin(a));
+    AddSegment(center - half, center + half, z(random), &points);
+  }
+  return points;
+}
+
+/// What a camera at the pose sees of the points: their projections as crests, normals from projected neighbours.
+Surface Seen(const std::vector<MapPoint>& points, const Rigid3& T_event_ref, double radius_px = 4) {
+  const Camera camera = TestCamera();
+  Surface surface;
+  surface.image = cv::Mat1b(camera.height(), camera.width(), std::uint8_t{0});
+  surface.window_s = 0.02;
+  for (const MapPoint& point : points) {
+    const Eigen::Vector3d p = point.p_ref.cast<double>();
+    const Eigen::Vector3d tangent(-point.normal_ref.y(), point.normal_ref.x(), 0);
+    const auto u = camera.Project(T_event_ref * p),
+               v = camera.Project(T_event_ref * Eigen::Vector3d(p + 1e-4 * tangent));
+    if (!u || !v || !camera.Contains(*u, 3)) continue;
+    const Eigen::Vector2d along = (*v - *u).normalized();
+    surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), static_cast<float>(along.y()),
+                             static_cast<float>(-along.x()), 5, 0});
+  }
+  surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
+  BuildNearestEdgeField(surface.edges, radius_px, &surface.nearest_edge);
+  return surface;
+}
+
+PosePrior WeakPrior(const Rigid3& T_event_ref) { return {T_event_ref, 1e-3 * Matrix6d::Identity()}; }
+
+Vector6d RandomTwist(double size, std::mt19937* random) {
+  std::uniform_real_distribution<double> uniform(-size, size);
+  return Vector6d::NullaryExpr([&] { return uniform(*random); });
+}
+
+std::vector<AlignmentPoint> Unspecific(const std::vector<MapPoint>& points) {
+  std::vector<AlignmentPoint> out;
+  for (const MapPoint& point : points) out.push_back({point.p_ref, 0, 0, 0, 1});
+  return out;
+}
+
+/// Compares Jacobian and central differences at 100 random poses. Points are kept in single precision, good to 1e-5 px:
+/// over steps of 0.2 mm and 0.2 mrad (0.04 px) differences are good to a percent where the robust loss bends.
+void ExpectJacobian(const Surface& surface, const std::vector<MapPoint>& points, double offset,
+                    const OdometryOptions& options) {
+  std::mt19937 random(11);
+  const auto prepared = Unspecific(points);
+  for (int k = 0; k < 100; ++k) {
+    PosePrior prior;
+    prior.T_event_ref = Exp(RandomTwist(0.5 * offset, &random));
+    prior.sqrt_information =
+        100 * Matrix6d::Identity() + 10 * RandomTwist(1, &random) * RandomTwist(1, &random).transpose();
+    const Camera camera = TestCamera();
+    const AlignmentProblem problem(prepared, surface, camera, prior, Exp(RandomTwist(0.5 * offset, &random)), options);
+    const Eigen::VectorXd delta = RandomTwist(0.5 * offset, &random);
+    Eigen::VectorXd residuals(problem.NumResiduals());
+    Eigen::MatrixXd jacobian(problem.NumResiduals(), 6);
+    ASSERT_TRUE(problem(delta.data(), residuals.data(), jacobian.data()));
+    const auto f = [&](const Eigen::VectorXd& x) {
+      Eigen::VectorXd r(problem.NumResiduals());
+      problem(x.data(), r.data(), nullptr);
+      return r;
+    };
+    ASSERT_TRUE(JacobianIsNear("d residuals / d dtheta", jacobian, f, delta, 0.03, 2e-4)) << "pose " << k;
+    // A test of matched points: the field says something of nearly all of them.
+    const Eigen::Index n = static_cast<Eigen::Index>(points.size());
+    ASSERT_GT((jacobian.topRows(n).rowwise().norm().array() > 1e-6).count(), 0.9 * n);
+  }
+}
+
+/// One long straight edge: whichever of its crests is nearest, the distance to it is the same, so no association that
+/// changes within a step shows in the differences.
+std::vector<MapPoint> LongEdge() {
+  std::vector<MapPoint> points;
+  AddSegment({100, 20}, {140, 160}, 1.5, &points);
+  return points;
+}
+
+/// Points of the long edge that stay beside it when the pose changes a little.
+std::vector<MapPoint> MiddleOfLongEdge() {
+  std::vector<MapPoint> points;
+  AddSegment({105.7, 40}, {134.3, 140}, 1.5, &points);
+  return points;
+}
+
+TEST(AlignmentJacobian, IsThatOfCentralDifferencesInTheCrestField) {
+  OdometryOptions options;
+  options.surface.truncation_px = 8;
+  const Surface surface = Seen(LongEdge(), Rigid3(), 8);
+  ExpectJacobian(surface, MiddleOfLongEdge(), 0.006, options);
+  options.tracking.huber_share = 10;  // nothing is robust: squares alone
+  ExpectJacobian(surface, MiddleOfLongEdge(), 0.006, options);
+}
+
+TEST(AlignmentJacobian, IsThatOfCentralDifferencesInThePlainSurface) {
+  // A ramp is linear between and across pixels, so its gradient has no jumps.
+  Surface across, down;
+  across.image = cv::Mat1b(180, 240);
+  down.image = cv::Mat1b(180, 240);
+  for (int y = 0; y < 180; ++y) {
+    for (int x = 0; x < 240; ++x) {
+      across.image(y, x) = static_cast<std::uint8_t>(250 - x);
+      down.image(y, x) = static_cast<std::uint8_t>(20 + y);
+    }
+  }
+  ExpectJacobian(across, Scene(), 0.02, {});
+  ExpectJacobian(down, Scene(), 0.02, {});
+}
+
+TEST(AlignmentJacobian, OfThePriorIsThatOfCentralDifferencesFarFromTheStart) {
+  std::mt19937 random(17);
+  const std::vector<AlignmentPoint> none;
+  const Surface surface = Seen({}, Rigid3());
+  const Camera camera = TestCamera();
+  const OdometryOptions options;
+  for (int k = 0; k < 100; ++k) {
+    PosePrior prior;
+    prior.T_event_ref = Exp(RandomTwist(1, &random));
+    prior.sqrt_information = Matrix6d::Identity() + 0.3 * RandomTwist(1, &random) * RandomTwist(1, &random).transpose();
+    const AlignmentProblem problem(none, surface, camera, prior, prior.T_event_ref * Exp(RandomTwist(0.05, &random)),
+                                   options);
+    const Eigen::VectorXd delta = RandomTwist(0.1, &random);
+    Eigen::VectorXd residuals(6);
+    Eigen::MatrixXd jacobian(6, 6);
+    problem(delta.data(), residuals.data(), jacobian.data());
+    const auto f = [&](const Eigen::VectorXd& x) {
+      Eigen::VectorXd r(6);
+      problem(x.data(), r.data(), nullptr);
+      return r;
+    };
+    ASSERT_TRUE(JacobianIsNear("d prior / d dtheta", jacobian, f, delta, 1e-4)) << "pose " << k;
+  }
+}
+
+TEST(AlignmentProblem, IsForwardCompositionalThePerturbationActsOnThePointsInTheReferenceFrame) {
+  const auto points = Scene();
+  const auto prepared = Unspecific(points);
+  const Surface surface = Seen(points, Rigid3());
+  const Camera camera = TestCamera();
+  const OdometryOptions options;
+  Vector6d delta;
+  delta << 0.01, -0.005, 0.02, 0.004, 0.003, -0.01;
+  const Rigid3 T_event_ref = Exp(0.5 * delta.reverse());
+  const PosePrior prior = WeakPrior(T_event_ref);
+  const AlignmentProblem at_start(prepared, surface, camera, prior, T_event_ref, options);
+  const AlignmentProblem moved(prepared, surface, camera, prior, T_event_ref * Exp(delta), options);
+  Eigen::VectorXd a(at_start.NumResiduals()), b(moved.NumResiduals());
+  const Vector6d zero = Vector6d::Zero();
+  at_start(delta.data(), a.data(), nullptr);
+  moved(zero.data(), b.data(), nullptr);
+  EXPECT_LT((a - b).cwiseAbs().maxCoeff(), 1e-6);
+}
+
+TEST(Alignment, StaysWhereEveryPointMeetsItsEdge) {
+  const auto points = Scene();
+  const auto result = Align(points, Seen(points, Rigid3()), TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), {});
+  EXPECT_LT(Log(result.T_event_ref).norm(), 1e-5);
+  EXPECT_GT(result.visible, 0.95 * static_cast<double>(points.size()));
+  EXPECT_EQ(result.matched, result.visible);
+  EXPECT_DOUBLE_EQ(result.inlier_share, 1);
+  EXPECT_LT(result.mean_residual_px, 1e-3);
+}
+
+TEST(Alignment, FindsThePoseFromAStartThatIsOffAlongEachAxis) {
+  const auto points = Scene();
+  const Rigid3 truth = Exp(0.05 * Vector6d::Ones());
+  const Surface surface = Seen(points, truth);
+  // About two pixels each.
+  for (int axis = 0; axis < 6; ++axis) {
+    for (const double sign : {-1, 1}) {
+      const double size = axis < 2 ? 0.015 : axis == 2 ? 0.04 : axis < 5 ? 0.01 : 0.03;
+      const Rigid3 start = truth * Exp(sign * size * Vector6d::Unit(axis));
+      const auto result = Align(points, surface, TestCamera(), WeakPrior(start), Vector6d::Zero(), {});
+      EXPECT_LT(Log(truth.inverse() * result.T_event_ref).norm(), 5e-4) << "axis " << axis << " sign " << sign;
+    }
+  }
+}
+
+TEST(Alignment, FindsThePoseFromStartsThatAreOffInAllSixDirections) {
+  const auto points = Scene();
+  std::mt19937 random(12);
+  const Rigid3 truth = Exp(-0.04 * Vector6d::Ones());
+  const Surface surface = Seen(points, truth);
+  for (int k = 0; k < 20; ++k) {
+    const Rigid3 start = truth * Exp(RandomTwist(0.006, &random));
+    const auto result = Align(points, surface, TestCamera(), WeakPrior(start), Vector6d::Zero(), {});
+    EXPECT_LT(Log(truth.inverse() * result.T_event_ref).norm(), 5e-4) << k;
+  }
+}
+
+TEST(Alignment, EnduresThirtyPercentOfPointsThatBelongToNoEdge) {
+  auto points = Scene();
+  const Rigid3 truth = Exp(0.03 * Vector6d::Ones());
+  const Surface surface = Seen(points, truth);
+  std::mt19937 random(13);
+  std::uniform_real_distribution<double> share(0, 1), x(10, 230), y(10, 170), z(1, 3);
+  std::size_t outliers = 0;
+  for (MapPoint& point : points) {
+    if (share(random) > 0.3) continue;
+    point.p_ref = (z(random) * *TestCamera().Unproject({x(random), y(random)})).cast<float>();
+    ++outliers;
+  }
+  ASSERT_GT(outliers, points.size() / 4);
+  const auto result =
+      Align(points, surface, TestCamera(), WeakPrior(truth * Exp(0.004 * Vector6d::Ones())), Vector6d::Zero(), {});
+  EXPECT_LT(Log(truth.inverse() * result.T_event_ref).norm(), 3e-3);
+  EXPECT_LT(result.inlier_share, 0.9);
+}
+
+TEST(Alignment, OfOneStraightEdgeStaysAtThePriorAlongItAndItsInformationHasRankTwo) {
+  std::vector<MapPoint> edge, middle;  // upright in the image
+  AddSegment({119.5, 10}, {119.5, 170}, 2, &edge);
+  AddSegment({119.5, 60}, {119.5, 120}, 2, &middle);
+  const Surface surface = Seen(edge, Rigid3());
+  PosePrior prior;
+  prior.T_event_ref = Rigid3::Translation({0.01, 0.02, 0});  // one pixel across the edge, two along it
+  prior.sqrt_information = 1e-2 * Matrix6d::Identity();
+  const auto result = Align(middle, surface, TestCamera(), prior, Vector6d::Zero(), {});
+  EXPECT_NEAR(result.T_event_ref.translation().y(), 0.02, 1e-4);
+  EXPECT_LT(result.mean_residual_px, 0.05);
+  const Vector6d eigenvalues = result.information.selfadjointView<Eigen::Lower>().eigenvalues();  // ascending
+  EXPECT_LT(eigenvalues[3], 1e-6 * eigenvalues[5]);
+  EXPECT_GT(eigenvalues[4], 1e-6 * eigenvalues[5]);
+}
+
+TEST(Alignment, DoesNotMatchEdgesOfAnotherDirectionOrOppositePolarity) {
+  std::vector<MapPoint> upright, lying;
+  AddSegment({119.5, 60}, {119.5, 120}, 2, &upright);
+  AddSegment({90, 89.5}, {150, 89.5}, 2, &lying);
+  EXPECT_EQ(Align(lying, Seen(upright, Rigid3()), TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), {}).matched, 0);
+
+  // Brighter along the normal, moving along it: the pixels that it passes turn darker.
+  for (MapPoint& point : upright) point.sign = 1;
+  Vector6d velocity = Vector6d::Zero();
+  velocity[0] = upright.front().normal_ref.x() > 0 ? -1 : 1;
+  Surface surface = Seen(upright, Rigid3());
+  for (const float polarity : {-1.0F, 1.0F}) {
+    for (EdgePoint& edge : surface.edges) edge.polarity = polarity;
+    const auto result = Align(upright, surface, TestCamera(), WeakPrior(Rigid3()), velocity, {});
+    EXPECT_EQ(result.matched, polarity < 0 ? result.visible : 0);
+  }
+}
+
+TEST(Alignment, WithoutPointsOrEdgesStaysAtThePrior) {
+  const Rigid3 start = Exp(0.1 * Vector6d::Ones());
+  const auto no_points = Align({}, Seen(Scene(), Rigid3()), TestCamera(), WeakPrior(start), Vector6d::Zero(), {});
+  const auto no_edges = Align(Scene(), Seen({}, Rigid3()), TestCamera(), WeakPrior(start), Vector6d::Zero(), {});
+  for (const auto& result : {no_points, no_edges}) {
+    EXPECT_LT(Log(start.inverse() * result.T_event_ref).norm(), 1e-9);
+    EXPECT_EQ(result.matched, 0);
+    EXPECT_EQ(result.inlier_share, 0);
+    EXPECT_TRUE(result.information.isZero());
+    EXPECT_TRUE(std::isfinite(result.cost));
+  }
+}
+
+}  // namespace
+}  // namespace devo

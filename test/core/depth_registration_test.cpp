@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_registration.h"
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+
+#include "throws_message.h"
+
+namespace devo {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+Camera EventCamera() { return {160, 120, 120, 120, 79.5, 59.5, "", {}}; }
+
+/// Half the resolution, a lens with distortion, beside the event camera and turned a little.
+Camera DepthCamera() { return {100, 80, 62, 62, 50.2, 39.1, "plumb_bob", {-0.15, 0.03, 1e-3, -5e-4}}; }
+Rigid3 EventFromDepth() { return {ExpSO3({0.01, -0.02, 0.015}), {0.05, -0.01, 0.02}}; }
+
+/// The plane n . p = d in the event frame.
+struct Plane {
+  Eigen::Vector3d n;
+  double d;
+  double DepthAt(double x, double y) const { return d / n.dot(*EventCamera().Unproject({x, y})); }
+};
+
+DepthImage SeenBy(const Camera& camera, const Rigid3& T_event_depth, const Plane& plane) {
+  DepthImage image;
+  image.depth_m = cv::Mat1f(camera.height(), camera.width(), 0.0F);
+  for (int y = 0; y < camera.height(); ++y) {
+    for (int x = 0; x < camera.width(); ++x) {
+      const auto ray = camera.Unproject(Eigen::Vector2d(x, y));
+      if (!ray) continue;
+      const double z =
+          (plane.d - plane.n.dot(T_event_depth.translation())) / plane.n.dot(T_event_depth.rotation() * *ray);
+      image.depth_m(y, x) = static_cast<float>(z);
+    }
+  }
+  return image;
+}
+
+/// Sub-pixel positions that the depth camera sees with all their surroundings.
+std::vector<EdgePoint> Edges() {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<float> x(25, 135), y(20, 100);
+  std::vector<EdgePoint> edges(200);
+  for (EdgePoint& edge : edges) edge = {x(random), y(random)};
+  return edges;
+}
+
+void ExpectDepthOf(const Plane& plane, const Camera& depth_camera, const Rigid3& T_event_depth, double tolerance_m) {
+  DepthRegistration registration(EventCamera(), depth_camera, MappingOptions());
+  const auto edges = Edges();
+  const int valid = registration.Warp(SeenBy(depth_camera, T_event_depth, plane), T_event_depth, edges);
+  EXPECT_EQ(valid, depth_camera.width() * depth_camera.height());
+  for (const EdgePoint& edge : edges) {
+    const auto depth = registration.DepthAt(edge.x, edge.y);
+    ASSERT_TRUE(depth) << edge.x << " " << edge.y;
+    EXPECT_NEAR(depth->z_m, plane.DepthAt(edge.x, edge.y), tolerance_m) << edge.x << " " << edge.y;
+    EXPECT_FALSE(depth->silhouette);
+  }
+}
+
+const Plane kFrontal{{0, 0, 1}, 1.5}, kSlanted{Eigen::Vector3d(0.4, -0.2, 0.9).normalized(), 1.4};
+
+TEST(DepthRegistration, GivesTheClosedFormDepthOfAFrontalPlaneSeenByAnOffsetDistortedCamera) {
+  ExpectDepthOf(kFrontal, DepthCamera(), EventFromDepth(), 1e-4);
+}
+
+TEST(DepthRegistration, GivesTheClosedFormDepthOfASlantedPlaneToAMillimetre) {
+  ExpectDepthOf(kSlanted, DepthCamera(), EventFromDepth(), 1e-3);
+}
+
+TEST(DepthRegistration, OfADepthImageRegisteredToTheDistortedEventImageOnlyUndistorts) {
+  const Camera raw_event(160, 120, 120, 120, 79.5, 59.5, "plumb_bob", {-0.2, 0.05, 0, 0});
+  ExpectDepthOf(kFrontal, raw_event, Rigid3(), 1e-4);
+  ExpectDepthOf(kSlanted, raw_event, Rigid3(), 1e-3);
+}
+
+/// A registered depth image (no distortion): 1 m left of column 80, 2 m from there on.
+cv::Mat1f Step() {
+  cv::Mat1f depth(120, 160, 2.0F);
+  depth.colRange(0, 80).setTo(1.0F);
+  return depth;
+}
+
+std::optional<DepthRegistration::EdgeDepth> DepthIn(const cv::Mat1f& depth_m, float x, float y,
+                                                    const MappingOptions& options = MappingOptions()) {
+  DepthRegistration registration(EventCamera(), EventCamera(), options);
+  registration.Warp({0, depth_m}, Rigid3(), {{x, y}});
+  return registration.DepthAt(x, y);
+}
+
+TEST(DepthRegistration, GivesTheForegroundAtAStepAndCallsItASilhouette) {
+  for (const float x : {78.6F, 79.4F, 79.5F, 80.0F}) {
+    const auto depth = DepthIn(Step(), x, 60.3F);
+    ASSERT_TRUE(depth) << x;
+    EXPECT_NEAR(depth->z_m, 1, 1e-3) << x;
+    EXPECT_TRUE(depth->silhouette) << x;
+  }
+}
+
+TEST(DepthRegistration, GivesTheBackgroundAwayFromTheStep) {
+  const auto depth = DepthIn(Step(), 84, 60.3F);
+  ASSERT_TRUE(depth);
+  EXPECT_NEAR(depth->z_m, 2, 1e-3);
+  EXPECT_FALSE(depth->silhouette);
+}
+
+TEST(DepthRegistration, IgnoresFlyingPixels) {
+  cv::Mat1f between = Step();
+  between.col(80).setTo(1.5F);  // mixed from both sides, as time-of-flight cameras report
+  const auto at_step = DepthIn(between, 79.6F, 60.3F);
+  ASSERT_TRUE(at_step);
+  EXPECT_NEAR(at_step->z_m, 1, 1e-3);
+
+  cv::Mat1f in_front(120, 160, 2.0F);
+  in_front(60, 50) = in_front(61, 50) = 0.6F;
+  const auto on_plane = DepthIn(in_front, 50.2F, 60.3F);
+  ASSERT_TRUE(on_plane);
+  EXPECT_NEAR(on_plane->z_m, 2, 1e-3);
+}
+
+TEST(DepthRegistration, NeverTakesInvalidReadings) {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  for (const float invalid : {0.0F, -1.0F, nan, infinity, -infinity, 0.05F, 1000.0F}) {
+    EXPECT_FALSE(DepthIn(cv::Mat1f(120, 160, invalid), 50.2F, 60.3F)) << invalid;
+    cv::Mat1f every_other(120, 160, 2.0F);
+    for (int y = 0; y < 120; ++y) {
+      for (int x = y % 2; x < 160; x += 2) every_other(y, x) = invalid;
+    }
+    const auto depth = DepthIn(every_other, 50.2F, 60.3F);
+    ASSERT_TRUE(depth) << invalid;
+    EXPECT_NEAR(depth->z_m, 2, 1e-3) << invalid;
+    EXPECT_FALSE(depth->silhouette) << invalid;
+  }
+}
+
+TEST(DepthRegistration, GivesNoDepthInsideAHole) {
+  cv::Mat1f depth(120, 160, 2.0F);
+  depth(cv::Rect(45, 55, 11, 11)).setTo(0);
+  EXPECT_FALSE(DepthIn(depth, 50, 60));
+}
+
+TEST(DepthRegistration, CountsOnlyValidReadings) {
+  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
+  cv::Mat1f depth(120, 160, 0.0F);
+  EXPECT_EQ(registration.Warp({0, depth}, Rigid3(), {}), 0);
+  depth.row(7).setTo(1.0F);
+  depth(7, 3) = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(registration.Warp({0, depth}, Rigid3(), {}), 159);
+}
+
+TEST(DepthRegistration, ForgetsTheLastImage) {
+  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
+  const std::vector<EdgePoint> edges = {{50.2F, 60.3F}};
+  registration.Warp({0, cv::Mat1f(120, 160, 1.0F)}, Rigid3(), edges);
+  registration.Warp({0, cv::Mat1f(120, 160, 3.0F)}, Rigid3(), edges);
+  EXPECT_NEAR(registration.DepthAt(50.2F, 60.3F)->z_m, 3, 1e-3);
+  EXPECT_EQ(registration.nearest_depth()(15, 12), 3);
+  registration.Warp({0, cv::Mat1f(120, 160, 0.0F)}, Rigid3(), edges);
+  EXPECT_FALSE(registration.DepthAt(50.2F, 60.3F));
+}
+
+TEST(DepthRegistration, RefusesAnImageOfAnotherSizeAndNamesBoth) {
+  DepthRegistration registration(EventCamera(), DepthCamera(), MappingOptions());
+  EXPECT_THAT(
+      [&] {
+        registration.Warp({0, cv::Mat1f(60, 90, 1.0F)}, Rigid3(), {});
+      },
+      ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("90x60"), HasSubstr("100x80"))));
+}
+
+TEST(DepthRegistration, KeepsTheNearestDepthOfEachCellForOcclusion) {
+  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
+  cv::Mat1f depth(120, 160, 2.0F);
+  depth(21, 42) = 0.7F;
+  depth(cv::Rect(80, 80, 4, 4)).setTo(0);
+  registration.Warp({0, depth}, Rigid3(), {});
+  EXPECT_EQ(registration.nearest_depth()(5, 10), 0.7F);
+  EXPECT_EQ(registration.nearest_depth()(5, 11), 2.0F);
+  EXPECT_EQ(registration.nearest_depth()(20, 20), 0.0F);
+}
+
+TEST(SceneDepthOfAnImage, HasTheMedianAndTheInverseDepthOfEachPlace) {
+  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
+  cv::Mat1f depth(120, 160, 2.0F);
+  depth.colRange(0, 64).setTo(1.0F);
+  depth.rowRange(96, 120).setTo(0);
+  registration.Warp({0, depth}, Rigid3(), {});
+  const SceneDepth scene = registration.MakeSceneDepth(42);
+  EXPECT_EQ(scene.t_ns, 42);
+  EXPECT_EQ(scene.median_m, 2);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(2, 1), 1.0F);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(2, 7), 0.5F);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(7, 1), 0.5F);  // a hole: the median
+}
+
+TEST(SceneDepthOfAnImage, IsUnknownWithoutReadings) {
+  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
+  registration.Warp({0, cv::Mat1f(120, 160, 0.0F)}, Rigid3(), {});
+  EXPECT_EQ(registration.MakeSceneDepth(42).median_m, 0);
+  EXPECT_TRUE(registration.MakeSceneDepth(42).inverse_depth.empty());
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/mapper.h"
+
+#include <limits>
+#include <memory>
+#include <tuple>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "devo/core/crests.h"
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+using ::testing::SizeIs;
+
+// A wall 2 m away, depth registered to an event image without distortion.
+Rig TestRig() {
+  Rig rig;
+  rig.event_camera = rig.depth_camera = Camera(160, 120, 120, 120, 79.5, 59.5, "", {});
+  rig.depth_registered = true;
+  return rig;
+}
+
+DepthImage Wall(std::int64_t t_ns, float z_m = 2) { return {t_ns, cv::Mat1f(120, 160, z_m)}; }
+
+/// Upright edge points on a grid: `count` of them from the column `u0` on.
+std::vector<EdgePoint> Edges(int count, float u0) {
+  std::vector<EdgePoint> edges;
+  for (int k = 0; k < count; ++k) {
+    edges.push_back({u0 + static_cast<float>(k / 50) * 8, 10 + static_cast<float>(k % 50) * 2, 1, 0, 5, 0});
+  }
+  return edges;
+}
+
+SurfacePtr SurfaceAt(std::int64_t t_ns, const std::vector<EdgePoint>& edges, std::uint64_t epoch = 0) {
+  auto surface = std::make_shared<Surface>();
+  surface->t_ns = surface->t_edges_ns = t_ns;
+  surface->epoch = epoch;
+  surface->window_s = 0.01;
+  surface->image = cv::Mat1b(120, 160, std::uint8_t{0});
+  surface->edges = edges;
+  surface->nearest_edge = cv::Mat1i(120, 160);
+  BuildNearestEdgeField(edges, 4, &surface->nearest_edge);
+  return surface;
+}
+
+PoseEstimate PoseAt(std::int64_t t_ns, const Rigid3& T_world_event = Rigid3()) {
+  PoseEstimate pose;
+  pose.t_ns = pose.t_edges_ns = t_ns;
+  pose.T_world_event = pose.T_world_event_edges = T_world_event;
+  pose.state = TrackingState::kTracking;
+  return pose;
+}
+
+constexpr std::int64_t kMs = 1'000'000;
+
+/// A mapper with its first reference: 400 edges in columns 16 to 72, at the time 100 ms and the identity.
+Mapper WithFirstReference(const OdometryOptions& options = OdometryOptions()) {
+  Mapper mapper(TestRig(), options);
+  mapper.AddSurface(SurfaceAt(100 * kMs, Edges(400, 16)));
+  mapper.AddDepth(Wall(100 * kMs));
+  EXPECT_TRUE(mapper.Update());
+  EXPECT_EQ(mapper.counters().references, 1U);
+  return mapper;
+}
+
+TEST(Mapper, WaitsWithTheFirstReferenceForEnoughPoints) {
+  Mapper mapper(TestRig(), OdometryOptions());
+  mapper.AddSurface(SurfaceAt(100 * kMs, Edges(150, 16)));
+  mapper.AddDepth(Wall(100 * kMs));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().references, 0U);
+  EXPECT_EQ(mapper.scene_depth().median_m, 2);  // known all the same
+  mapper.AddSurface(SurfaceAt(130 * kMs, Edges(400, 16)));
+  mapper.AddDepth(Wall(130 * kMs));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_THAT(map->points, SizeIs(400));
+  EXPECT_EQ(map->t_ns, 130 * kMs);
+  EXPECT_EQ(map->id, 0);
+  EXPECT_LT(Log(map->T_world_ref).norm(), 1e-12);
+}
+
+TEST(Mapper, PutsPointsWhereTheirEdgesAndDepthAre) {
+  Mapper mapper = WithFirstReference();
+  const auto points = mapper.GlobalMap();
+  ASSERT_THAT(points, SizeIs(400));
+  EXPECT_NEAR(points[0].p_ref.x(), 2 * (16 - 79.5) / 120, 1e-3);
+  EXPECT_NEAR(points[0].p_ref.y(), 2 * (10 - 59.5) / 120, 1e-3);
+  EXPECT_NEAR(points[0].p_ref.z(), 2, 1e-3);
+}
+
+TEST(Mapper, DoesNothingWithoutDepthOrWithoutSurfaces) {
+  Mapper only_surfaces(TestRig(), OdometryOptions()), only_depth(TestRig(), OdometryOptions());
+  for (int k = 0; k < 50; ++k) {
+    only_surfaces.AddSurface(SurfaceAt(10 * k * kMs, Edges(400, 16)));
+    EXPECT_FALSE(only_surfaces.Update());
+    only_depth.AddDepth(Wall(10 * k * kMs));
+    EXPECT_FALSE(only_depth.Update());
+  }
+  EXPECT_EQ(only_depth.counters().depth_in, 50U);
+  EXPECT_EQ(only_depth.counters().depth_used, 0U);
+}
+
+TEST(Mapper, MakesNoNewReferenceOfWhatTheMapExplains) {
+  Mapper mapper = WithFirstReference();
+  for (int k = 2; k < 10; ++k) {
+    mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(400, 16.5F)));
+    mapper.AddPose(PoseAt(100 * k * kMs));
+    mapper.AddDepth(Wall(100 * k * kMs));
+    EXPECT_FALSE(mapper.Update());
+  }
+  EXPECT_EQ(mapper.counters().references, 1U);
+  EXPECT_EQ(mapper.counters().depth_used, 9U);
+}
+
+TEST(Mapper, AddsOnlyTheUnexplainedEdgesAsANewReference) {
+  Mapper mapper = WithFirstReference();
+  std::vector<EdgePoint> edges = Edges(400, 16);
+  const auto added = Edges(200, 100);
+  edges.insert(edges.end(), added.begin(), added.end());
+  mapper.AddSurface(SurfaceAt(200 * kMs, edges));
+  mapper.AddPose(PoseAt(200 * kMs));
+  mapper.AddDepth(Wall(200 * kMs));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(mapper.counters().references, 2U);
+  EXPECT_THAT(mapper.GlobalMap(), SizeIs(600));
+  EXPECT_THAT(map->points, SizeIs(600));
+}
+
+TEST(Mapper, WithoutReuseKeepsOnlyTheNewestReference) {
+  OdometryOptions options;
+  options.mapping.reuse_references = false;
+  options.mapping.new_reference_distance_m = 0.1;
+  Mapper mapper = WithFirstReference(options);
+  for (const auto& [ms, x_m, references] : {std::tuple<int, double, unsigned>{200, 0.05, 1}, {300, 0.15, 2}}) {
+    mapper.AddSurface(SurfaceAt(ms * kMs, Edges(300, 16)));
+    mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({x_m, 0, 0})));
+    mapper.AddDepth(Wall(ms * kMs));
+    mapper.Update();
+    EXPECT_EQ(mapper.counters().references, references);
+  }
+  EXPECT_THAT(mapper.GlobalMap(), SizeIs(300));
+}
+
+TEST(Mapper, CountsDepthImagesWithoutAValidPixel) {
+  Mapper mapper(TestRig(), OdometryOptions());
+  for (const float invalid : {0.0F, std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    mapper.AddSurface(SurfaceAt(100 * kMs, Edges(400, 16)));
+    mapper.AddDepth(Wall(100 * kMs, invalid));
+    EXPECT_FALSE(mapper.Update());
+  }
+  EXPECT_EQ(mapper.counters().depth_in, 3U);
+  EXPECT_EQ(mapper.counters().depth_without_valid_pixel, 3U);
+  EXPECT_EQ(mapper.counters().depth_used, 0U);
+}
+
+TEST(Mapper, MeetsADepthImageThatComesLateWithTheSurfaceAndPoseOfItsTime) {
+  Mapper mapper = WithFirstReference();
+  // 1 m/s to the right; the surface at 200 ms alone shows something new.
+  for (int ms = 110; ms <= 300; ms += 10) {
+    mapper.AddSurface(SurfaceAt(ms * kMs, ms == 200 ? Edges(200, 120) : Edges(100, 16)));
+    mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({0.001 * (ms - 100), 0, 0})));
+    mapper.Update();
+  }
+  mapper.AddDepth(Wall(200 * kMs));
+  ASSERT_TRUE(mapper.Update());
+  EXPECT_EQ(mapper.counters().references, 2U);
+  const auto points = mapper.GlobalMap();
+  ASSERT_GT(points.size(), 400U);
+  EXPECT_NEAR(points[400].p_ref.x(), 0.1 + 2 * (120 - 79.5) / 120, 2e-3);
+}
+
+TEST(Mapper, WaitsForThePoseOfTheSurface) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(300, 100)));
+  mapper.AddDepth(Wall(200 * kMs));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_used, 1U);
+  mapper.AddPose(PoseAt(200 * kMs));
+  EXPECT_TRUE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_used, 2U);
+}
+
+TEST(Mapper, DropsADepthImageThatHasNoSurfaceNearby) {
+  Mapper mapper(TestRig(), OdometryOptions());
+  mapper.AddDepth(Wall(100 * kMs));
+  mapper.AddSurface(SurfaceAt(500 * kMs, Edges(400, 16)));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_used, 0U);
+}
+
+TEST(Mapper, AddsNothingWhileTrackingIsLost) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(300, 100)));
+  PoseEstimate lost = PoseAt(200 * kMs);
+  lost.state = TrackingState::kLost;
+  mapper.AddPose(lost);
+  mapper.AddDepth(Wall(200 * kMs));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().references, 1U);
+}
+
+TEST(Mapper, ComposesTheLocalMapAnewWhenTheViewHasMovedOn) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));
+  mapper.AddPose(PoseAt(200 * kMs, Rigid3::Translation({0.01, 0, 0})));
+  EXPECT_FALSE(mapper.Update());
+  mapper.AddSurface(SurfaceAt(210 * kMs, Edges(400, 16)));
+  const Rigid3 moved = Rigid3::Translation({0.1, 0, 0});
+  mapper.AddPose(PoseAt(210 * kMs, moved));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(map->id, 1);
+  EXPECT_LT(Log(moved.inverse() * map->T_world_ref).norm(), 1e-12);
+  ASSERT_FALSE(map->points.empty());
+  EXPECT_NEAR(map->points[0].p_ref.z(), 2, 1e-3);
+}
+
+TEST(Mapper, ForgetsItsMapWhenASurfaceOfANewEpochComes) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(10 * kMs, Edges(300, 16), 1));
+  EXPECT_THAT(mapper.GlobalMap(), SizeIs(0));
+  mapper.AddDepth(Wall(10 * kMs));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(map->epoch, 1U);
+  EXPECT_THAT(map->points, SizeIs(300));
+}
+
+}  // namespace
+}  // namespace devo

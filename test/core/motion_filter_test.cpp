@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/motion_filter.h"
+
+#include <random>
+
+#include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+constexpr std::int64_t kPeriod_ns = 10'000'000;
+
+Vector6d Twist() {
+  Vector6d twist;
+  twist << 0.4, -0.2, 0.1, 0.3, -0.5, 0.2;
+  return twist;
+}
+
+Rigid3 TrueAt(std::int64_t t_ns) { return Exp(Twist() * SecondsFromNs(t_ns)); }
+
+/// Knows a motion of constant velocity from 100 poses, each measured to a tenth of a millimetre and milliradian.
+MotionFilter Moving() {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, TrueAt(0));
+  for (int k = 1; k <= 100; ++k) filter.Update(k * kPeriod_ns, TrueAt(k * kPeriod_ns), 1e8 * Matrix6d::Identity());
+  return filter;
+}
+
+TEST(MotionFilter, StartsAtRest) {
+  MotionFilter filter{TrackingOptions()};
+  EXPECT_FALSE(filter.started());
+  filter.Start(5, TrueAt(7));
+  EXPECT_TRUE(filter.started());
+  const auto prediction = filter.Predict(5 + kPeriod_ns);
+  EXPECT_EQ(prediction.velocity_event, Vector6d(Vector6d::Zero()));
+  EXPECT_LT(Log(TrueAt(7).inverse() * prediction.T_world_event).norm(), 1e-12);
+}
+
+TEST(MotionFilter, LearnsAConstantVelocity) {
+  const MotionFilter filter = Moving();
+  const std::int64_t next_ns = filter.time_ns() + kPeriod_ns;
+  const auto prediction = filter.Predict(next_ns);
+  EXPECT_LT((prediction.velocity_event - Twist()).norm(), 0.005);
+  EXPECT_LT(Log(TrueAt(next_ns).inverse() * prediction.T_world_event).norm(), 1e-4);
+}
+
+TEST(MotionFilter, PredictsWithACovarianceThatGrowsWithTime) {
+  const MotionFilter filter = Moving();
+  Matrix6d before = filter.pose_covariance();
+  for (const int periods : {1, 2, 5, 10, 30}) {
+    const Matrix6d after = filter.Predict(filter.time_ns() + periods * kPeriod_ns).covariance;
+    for (int i = 0; i < 6; ++i) EXPECT_GT(after(i, i), before(i, i)) << periods << " periods, direction " << i;
+    before = after;
+  }
+}
+
+TEST(MotionFilter, PredictsWithoutChangingItself) {
+  const MotionFilter filter = Moving();
+  const auto first = filter.Predict(filter.time_ns() + kPeriod_ns);
+  filter.Predict(filter.time_ns() + 100 * kPeriod_ns);
+  EXPECT_EQ(filter.Predict(filter.time_ns() + kPeriod_ns).covariance, first.covariance);
+}
+
+TEST(MotionFilter, AddsTheInformationOfAMeasurementToThatOfThePrediction) {
+  MotionFilter filter = Moving();
+  const std::int64_t t_ns = filter.time_ns() + kPeriod_ns;
+  const auto prediction = filter.Predict(t_ns);
+  Matrix6d information = Matrix6d::Zero();
+  information.diagonal() << 1e6, 0, 1e5, 1e6, 0, 1e7;
+  filter.Update(t_ns, prediction.T_world_event, information);
+  const Matrix6d expected = (prediction.covariance.inverse() + information).inverse();
+  EXPECT_LT((filter.pose_covariance() - expected).norm(), 1e-6 * expected.norm());
+}
+
+TEST(MotionFilter, TakesAPoseWithoutInformationForWhatItIsThePrediction) {
+  MotionFilter filter = Moving();
+  const std::int64_t t_ns = filter.time_ns() + kPeriod_ns;
+  const auto prediction = filter.Predict(t_ns);
+  filter.Update(t_ns, prediction.T_world_event, Matrix6d::Zero());
+  EXPECT_LT((filter.pose_covariance() - prediction.covariance).norm(), 1e-6 * prediction.covariance.norm());
+  EXPECT_LT((filter.Predict(t_ns).velocity_event - prediction.velocity_event).norm(), 1e-9);
+}
+
+TEST(MotionFilter, HasThePoseThatItWasUpdatedWith) {
+  MotionFilter filter = Moving();
+  const std::int64_t t_ns = filter.time_ns() + kPeriod_ns;
+  const Rigid3 measured = TrueAt(t_ns) * Exp(0.001 * Vector6d::Ones());
+  filter.Update(t_ns, measured, 1e4 * Matrix6d::Identity());
+  EXPECT_EQ(filter.time_ns(), t_ns);
+  EXPECT_LT(Log(measured.inverse() * filter.pose()).norm(), 1e-12);
+}
+
+TEST(MotionFilter, KeepsItsCovarianceSymmetricAndPositiveOverManyPartialUpdates) {
+  MotionFilter filter = Moving();
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int k = 101; k <= 1100; ++k) {
+    // One direction is measured at a time, another one in every step.
+    const Vector6d direction = Vector6d::NullaryExpr([&] { return normal(random); }).normalized();
+    filter.Update(k * kPeriod_ns, filter.Predict(k * kPeriod_ns).T_world_event,
+                  1e7 * direction * direction.transpose());
+  }
+  const Matrix6d P = filter.pose_covariance();
+  EXPECT_EQ(P, Matrix6d(P.transpose()));
+  EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
+}
+
+TEST(MotionFilter, HasErrorsOfTheSizeThatItStates) {
+  // Normalised squared errors of 6 directions have the mean 6 when the covariance is right; the motion is calmer than
+  // the filter assumes, so fewer are allowed, more are not.
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, TrueAt(0));
+  std::mt19937 random(6);
+  std::normal_distribution<double> noise(0, 1e-3);
+  const Matrix6d measured_information = 1e6 * Matrix6d::Identity();
+  double sum = 0;
+  const int count = 500;
+  for (int k = 1; k <= count; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    const auto prediction = filter.Predict(t_ns);
+    const Vector6d off = Vector6d::NullaryExpr([&] { return noise(random); });
+    const Vector6d measured = Log(prediction.T_world_event.inverse() * TrueAt(t_ns) * Exp(off));
+    // The pose that maximises prior and measurement together, to first order.
+    const Matrix6d prior = prediction.covariance.inverse();
+    const Vector6d both = (prior + measured_information).inverse() * (measured_information * measured);
+    filter.Update(t_ns, prediction.T_world_event * Exp(both), measured_information);
+    const Vector6d error = Log(TrueAt(t_ns).inverse() * filter.pose());
+    sum += error.dot(filter.pose_covariance().inverse() * error);
+  }
+  EXPECT_LT(sum / count, 7);
+  EXPECT_GT(sum / count, 2);
+}
+
+/// At rest and uncertain of it; turns faster than it thinks likely.
+MotionFilter Resting() {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, TrueAt(0));
+  return filter;
+}
+const Eigen::Vector3d kTurn_rad_s(0.8, -0.4, 0.3);
+
+TEST(MotionFilter, WeighsAGyroscopeAgainstWhatItKnewOfTheTurn) {
+  // A start's turn has a deviation of 0.5 rad/s: the mean of two Gaussians.
+  for (const double sigma : {0.01, 0.5, 2.0}) {
+    MotionFilter filter = Resting();
+    filter.MeasureAngularVelocity(kTurn_rad_s, 0, sigma);
+    const auto now = filter.Predict(0);
+    const Eigen::Vector3d expected = kTurn_rad_s * 0.25 / (0.25 + sigma * sigma);
+    EXPECT_LT((now.velocity_event.tail<3>() - expected).norm(), 1e-9) << "sigma " << sigma;
+    EXPECT_LT(now.velocity_event.head<3>().norm(), 1e-12) << "sigma " << sigma;
+  }
+}
+
+TEST(MotionFilter, KeepsItsPoseWhenAGyroscopeIsHeard) {
+  MotionFilter filter = Moving();
+  const Rigid3 before = filter.pose();
+  const std::int64_t t_ns = filter.time_ns();
+  filter.MeasureAngularVelocity(kTurn_rad_s, 0.01, 0.02);
+  EXPECT_EQ(filter.time_ns(), t_ns);
+  EXPECT_LT(Log(before.inverse() * filter.pose()).norm(), 1e-12);
+}
+
+TEST(MotionFilter, TurnsInItsPredictionAsTheGyroscopeSays) {
+  MotionFilter filter = Resting();
+  filter.MeasureAngularVelocity(kTurn_rad_s, 0.01, 0.01);
+  const auto prediction = filter.Predict(kPeriod_ns);
+  const Eigen::Vector3d turned = LogSO3((TrueAt(0).inverse() * prediction.T_world_event).rotation());
+  EXPECT_LT((turned - 0.01 * kTurn_rad_s).norm(), 0.1 * 0.01 * kTurn_rad_s.norm());
+  const auto without = Resting().Predict(kPeriod_ns);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_LT(prediction.covariance(i + 3, i + 3), 0.3 * without.covariance(i + 3, i + 3));
+    EXPECT_NEAR(prediction.covariance(i, i), without.covariance(i, i), 0.01 * without.covariance(i, i));
+  }
+}
+
+TEST(MotionFilter, LearnsNothingNewOfItsMotionFromAGyroscopeThatSaysWhatItExpects) {
+  const std::int64_t half_ns = kPeriod_ns / 2;
+  MotionFilter filter = Moving();
+  const auto middle = filter.Predict(filter.time_ns() + half_ns), later = filter.Predict(filter.time_ns() + kPeriod_ns);
+  filter.MeasureAngularVelocity(middle.velocity_event.tail<3>(), 2 * SecondsFromNs(half_ns), 0.02);
+  const auto after = filter.Predict(filter.time_ns() + kPeriod_ns);
+  EXPECT_LT((after.velocity_event - later.velocity_event).norm(), 1e-9);
+  EXPECT_LT(after.covariance.trace(), later.covariance.trace());
+}
+
+TEST(MotionFilter, IgnoresAGyroscopeThatKnowsNothing) {
+  MotionFilter filter = Moving();
+  const auto before = filter.Predict(filter.time_ns() + kPeriod_ns);
+  filter.MeasureAngularVelocity(kTurn_rad_s, 0.01, 1e6);
+  const auto after = filter.Predict(filter.time_ns() + kPeriod_ns);
+  EXPECT_LT((after.velocity_event - before.velocity_event).norm(), 1e-9);
+  EXPECT_LT((after.covariance - before.covariance).norm(), 1e-9 * before.covariance.norm());
+}
+
+TEST(MotionFilter, KeepsItsCovarianceSymmetricAndPositiveOverManyReadings) {
+  MotionFilter filter = Moving();
+  for (int k = 101; k <= 1100; ++k) {
+    filter.MeasureAngularVelocity(Twist().tail<3>(), SecondsFromNs(kPeriod_ns), 0.01);
+    filter.Update(k * kPeriod_ns, filter.Predict(k * kPeriod_ns).T_world_event, 1e6 * Matrix6d::Identity());
+  }
+  filter.MeasureAngularVelocity(Twist().tail<3>(), SecondsFromNs(kPeriod_ns), 0.01);
+  const Matrix6d P = filter.Predict(filter.time_ns() + kPeriod_ns).covariance;
+  EXPECT_LT((P - P.transpose()).norm(), 1e-12 * P.norm());
+  EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
+}
+
+TEST(MotionFilter, HeldStillHasNoVelocityAndKeepsItsPose) {
+  MotionFilter filter = Moving();
+  const Rigid3 before = filter.pose();
+  const Matrix6d covariance = filter.pose_covariance();
+  filter.HoldStill(filter.time_ns() + 5 * kPeriod_ns);
+  EXPECT_LT(Log(before.inverse() * filter.pose()).norm(), 1e-12);
+  EXPECT_EQ(filter.pose_covariance(), covariance);
+  const auto prediction = filter.Predict(filter.time_ns() + kPeriod_ns);
+  EXPECT_EQ(prediction.velocity_event, Vector6d(Vector6d::Zero()));
+  EXPECT_LT(Log(before.inverse() * prediction.T_world_event).norm(), 1e-12);
+}
+
+TEST(MotionFilter, CoastsOnAndSlowsDown) {
+  MotionFilter filter = Moving();
+  const Rigid3 before = filter.pose();
+  const Matrix6d covariance = filter.pose_covariance();
+  for (int k = 0; k < 10; ++k) filter.Coast(filter.time_ns() + kPeriod_ns);
+  const auto now = filter.Predict(filter.time_ns());
+  const double slower = now.velocity_event.norm() / Twist().norm();
+  EXPECT_GT(slower, 0.7);
+  EXPECT_LT(slower, 0.95);
+  // A tenth of a second: between what the last speed and what the first would have given.
+  const double moved = Log(before.inverse() * filter.pose()).norm() / (0.1 * Twist().norm());
+  EXPECT_GT(moved, slower);
+  EXPECT_LT(moved, 1);
+  EXPECT_GT(filter.pose_covariance().trace(), covariance.trace());
+}
+
+TEST(MotionFilter, StopsAndStaysFiniteWhenItCoastsForAMinute) {
+  MotionFilter filter = Moving();
+  for (int k = 0; k < 6000; ++k) filter.Coast(filter.time_ns() + kPeriod_ns);
+  const auto prediction = filter.Predict(filter.time_ns() + kPeriod_ns);
+  EXPECT_LT(prediction.velocity_event.norm(), 1e-6);
+  EXPECT_TRUE(prediction.T_world_event.IsFinite());
+  EXPECT_TRUE(prediction.covariance.allFinite());
+  EXPECT_LT(prediction.covariance.diagonal().maxCoeff(), 10);
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/noise_filter.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace devo {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+
+Event At(std::int64_t t_ns, int x, int y) {
+  return {t_ns, static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), 1};
+}
+
+constexpr int kSide = 128;
+
+/// Independent noise at `rate_hz` per pixel on the first `width` of kSide columns.
+std::vector<Event> Noise(double rate_hz, double seconds, int width = kSide) {
+  std::mt19937 random(3);
+  std::exponential_distribution<double> wait_s(rate_hz * width * kSide);
+  std::uniform_int_distribution<int> x(0, width - 1), y(0, kSide - 1);
+  std::vector<Event> events;
+  for (double t_s = wait_s(random); t_s < seconds; t_s += wait_s(random)) {
+    const int column = x(random);
+    events.push_back(At(static_cast<std::int64_t>(1e9 * t_s), column, y(random)));
+  }
+  return events;
+}
+
+std::ptrdiff_t CountThatPass(const std::vector<Event>& events, NoiseFilter* filter) {
+  return std::count_if(events.begin(), events.end(), [&](const Event& e) { return filter->Pass(e); });
+}
+
+double ShareThatPasses(const std::vector<Event>& events, NoiseFilter* filter) {
+  return static_cast<double>(CountThatPass(events, filter)) / static_cast<double>(events.size());
+}
+
+/// A filter needs more neighbours until it knows the noise: these are the times by which and from which it does.
+constexpr std::int64_t kKnown_ns = 300 * kMs;
+constexpr double kKnown_s = 0.3;
+
+/// Shows that there is no noise.
+void WarmUpQuietly(NoiseFilter* filter) {
+  filter->Pass(At(0, 0, 0));
+  filter->Pass(At(kKnown_ns - 20 * kMs, 0, 0));
+}
+
+/// Of noise, those before (of the first 0.3 s) and those after the filter must know it.
+struct Split {
+  explicit Split(const std::vector<Event>& events) {
+    for (const Event& event : events) (event.t_ns < kKnown_ns ? before : after).push_back(event);
+  }
+  std::vector<Event> before, after;
+};
+
+/// The chance that at least `count` of eight neighbours fired within the window.
+double ChanceOf(int count, double rate_hz, double window_s) {
+  const double p = 1 - std::exp(-rate_hz * window_s), q = 1 - p;
+  const double chances[] = {std::pow(q, 8), 8 * p * std::pow(q, 7), 28 * p * p * std::pow(q, 6)};
+  double chance = 1;
+  for (int k = 0; k < count; ++k) chance -= chances[k];
+  return chance;
+}
+
+void ExpectThatNeighboursSuffice(int min_neighbours, int needed, double rate_hz, double window_s) {
+  NoiseFilter filter(kSide, kSide, window_s, min_neighbours, 0);
+  const Split noise(Noise(rate_hz, 6));
+  CountThatPass(noise.before, &filter);
+  const double expected = ChanceOf(needed, rate_hz, window_s);
+  EXPECT_NEAR(ShareThatPasses(noise.after, &filter), expected, 0.1 * expected)
+      << min_neighbours << " neighbours asked for at " << rate_hz << " Hz";
+}
+
+TEST(NoiseFilter, LetsAsMuchThinNoisePassAsChanceBringsTogether) {
+  ExpectThatNeighboursSuffice(1, 1, 0.5, 0.01);
+  ExpectThatNeighboursSuffice(2, 2, 1, 0.03);
+}
+
+TEST(NoiseFilter, AsksOneNeighbourMoreWhereNoiseIsDense) {
+  ExpectThatNeighboursSuffice(1, 2, 5, 0.005);
+  ExpectThatNeighboursSuffice(1, 2, 10, 0.01);
+  ExpectThatNeighboursSuffice(2, 3, 10, 0.01);
+}
+
+TEST(NoiseFilter, AsksOneNeighbourMoreUntilTheNoiseIsKnown) {
+  const double expected = ChanceOf(2, 2, 0.01);
+  NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
+  EXPECT_EQ(filter.noise_hz(), 0);
+  EXPECT_NEAR(ShareThatPasses(Noise(2, 0.249), &filter), expected, 0.3 * expected);  // some 80 events of 8000
+}
+
+TEST(NoiseFilter, AsksOneNeighbourAgainWhenDenseNoiseEnds) {
+  NoiseFilter filter(kSide, kSide, 0.005, 1, 0);
+  CountThatPass(Noise(10, kKnown_s), &filter);
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns + 10 * kMs, 50, 50)));
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns + 11 * kMs, 51, 50)));
+  EXPECT_TRUE(filter.Pass(At(kKnown_ns + 12 * kMs, 50, 51)));
+  filter.Pass(At(2 * kKnown_ns, 0, 0));
+  filter.Pass(At(3 * kKnown_ns, 0, 0));  // a whole period without noise
+  EXPECT_EQ(filter.noise_hz(), 0);
+  EXPECT_FALSE(filter.Pass(At(3 * kKnown_ns + kMs, 50, 50)));
+  EXPECT_TRUE(filter.Pass(At(3 * kKnown_ns + 2 * kMs, 51, 50)));
+}
+
+TEST(NoiseFilter, EstimatesUniformNoiseToATenth) {
+  const double rate_hz = 10;
+  NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
+  CountThatPass(Noise(rate_hz, kKnown_s), &filter);
+  EXPECT_NEAR(filter.noise_hz(), rate_hz, 0.1 * rate_hz);
+}
+
+TEST(NoiseFilter, EstimatesTheNoiseOfTheQuietestPartsNotTheActivityOfTheOthers) {
+  auto events = Noise(10, kKnown_s);
+  const auto busy = Noise(50, kKnown_s, kSide / 2);
+  events.insert(events.end(), busy.begin(), busy.end());
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
+  CountThatPass(events, &filter);
+  EXPECT_NEAR(filter.noise_hz(), 10, 1);
+}
+
+TEST(NoiseFilter, KnowsHowMuchNoisePasses) {
+  const double rate_hz = 10, seconds = 2;
+  for (const int neighbours : {0, 1}) {
+    NoiseFilter filter(kSide, kSide, 0.01, neighbours, 0);
+    const Split noise(Noise(rate_hz, kKnown_s + seconds));
+    CountThatPass(noise.before, &filter);
+    const double passing_hz = filter.passing_noise_hz();
+    const double measured_hz = static_cast<double>(CountThatPass(noise.after, &filter)) / (kSide * kSide * seconds);
+    EXPECT_NEAR(passing_hz, measured_hz, 0.1 * measured_hz) << neighbours << " neighbours";
+  }
+}
+
+TEST(NoiseFilter, WithoutNeededNeighboursLetsEverythingPass) {
+  NoiseFilter filter(kSide, kSide, 0.005, 0, 0);
+  EXPECT_EQ(ShareThatPasses(Noise(5, 0.5), &filter), 1);
+}
+
+/// A vertical edge that passes one column per millisecond from kKnown_ns on, its rows in random order.
+std::vector<Event> Edge() {
+  std::mt19937 random(4);
+  std::uniform_int_distribution<int> jitter_us(0, 900);
+  std::vector<Event> events;
+  for (int x = 0; x < 100; ++x) {
+    for (int y = 0; y < 100; ++y) events.push_back(At(kKnown_ns + x * kMs + 1000 * jitter_us(random), x, y));
+  }
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  return events;
+}
+
+TEST(NoiseFilter, LetsAMovingEdgePass) {
+  NoiseFilter filter(100, 100, 0.005, 2, 20);
+  WarmUpQuietly(&filter);
+  // The first column alone has too few predecessors.
+  EXPECT_GT(ShareThatPasses(Edge(), &filter), 0.985);
+}
+
+TEST(NoiseFilter, ForgetsNeighboursThatFiredLongerAgoThanTheWindow) {
+  NoiseFilter filter(10, 10, 0.005, 1, 0);
+  WarmUpQuietly(&filter);
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns, 4, 4)));
+  EXPECT_TRUE(filter.Pass(At(kKnown_ns + 4 * kMs, 5, 5)));
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns + 10 * kMs, 4, 5)));
+}
+
+TEST(NoiseFilter, DoesNotTakeAPixelForItsOwnNeighbour) {
+  NoiseFilter filter(10, 10, 0.005, 1, 0);
+  WarmUpQuietly(&filter);
+  for (int k = 0; k < 5; ++k) EXPECT_FALSE(filter.Pass(At(kKnown_ns + k * kMs, 4, 4)));
+}
+
+TEST(NoiseFilter, KnowsNoNeighboursBeyondTheBorders) {
+  NoiseFilter filter(10, 8, 0.005, 1, 0);
+  WarmUpQuietly(&filter);
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns, 9, 3)));  // the end of a row is no neighbour of the next row's begin
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns + 1, 0, 4)));
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns + 2, 0, 0)));
+  EXPECT_FALSE(filter.Pass(At(kKnown_ns + 3, 9, 7)));
+}
+
+/// `period_ms` between the events of each of `pixels`, up to `until_ms`; true for those after the first
+/// 300 ms that pass.
+int PassLate(NoiseFilter* filter, const std::vector<std::pair<int, int>>& pixels, int until_ms) {
+  int passed = 0;
+  for (int ms = 0; ms < until_ms; ms += 2) {
+    for (const auto& [x, y] : pixels) passed += filter->Pass(At(ms * kMs, x, y)) && ms >= 300;
+  }
+  return passed;
+}
+
+TEST(NoiseFilter, DropsAHotPixelAndKeepsItsNeighbour) {
+  NoiseFilter filter(20, 20, 0.005, 0, 20);
+  EXPECT_EQ(PassLate(&filter, {{7, 7}}, 400), 0);
+  EXPECT_EQ(filter.hot_pixels(), 1);
+  EXPECT_TRUE(filter.Pass(At(400 * kMs, 8, 7)));
+  EXPECT_FALSE(filter.Pass(At(401 * kMs, 7, 7)));
+}
+
+TEST(NoiseFilter, DropsTwoHotPixelsSideBySide) {
+  NoiseFilter filter(20, 20, 0.005, 0, 20);
+  EXPECT_EQ(PassLate(&filter, {{7, 7}, {8, 7}}, 400), 0);
+  EXPECT_EQ(filter.hot_pixels(), 2);
+}
+
+TEST(NoiseFilter, DoesNotTakePixelsInsideOrAtTheSidesOfABusyPatchForHot) {
+  NoiseFilter filter(20, 20, 0.005, 0, 20);
+  std::vector<std::pair<int, int>> patch;
+  for (int y = 5; y < 12; ++y) {
+    for (int x = 5; x < 12; ++x) {
+      const bool corner = (x == 5 || x == 11) && (y == 5 || y == 11);  // fewer than half of its neighbours are busy
+      if (!corner) patch.emplace_back(x, y);
+    }
+  }
+  EXPECT_EQ(PassLate(&filter, patch, 400), 50 * 45);
+  EXPECT_EQ(filter.hot_pixels(), 0);
+}
+
+TEST(NoiseFilter, LetsAPixelPassAgainThatHasCooledDown) {
+  NoiseFilter filter(20, 20, 0.005, 0, 20);
+  PassLate(&filter, {{7, 7}}, 400);
+  filter.Pass(At(600 * kMs, 1, 1));  // ends the period in which the pixel was hot
+  EXPECT_TRUE(filter.Pass(At(900 * kMs, 7, 7)));
+}
+
+TEST(NoiseFilter, ForgetsEverythingOnReset) {
+  NoiseFilter filter(20, 20, 0.005, 1, 20);
+  PassLate(&filter, {{7, 7}, {7, 8}}, 400);
+  filter.Reset();
+  EXPECT_EQ(filter.hot_pixels(), 0);
+  EXPECT_FALSE(filter.Pass(At(300 * kMs, 7, 7)));  // time may even have gone back
+  EXPECT_FALSE(filter.Pass(At(301 * kMs, 7, 8)));  // the noise is no longer known
+  EXPECT_TRUE(filter.Pass(At(302 * kMs, 8, 8)));
+}
+
+}  // namespace
+}  // namespace devo

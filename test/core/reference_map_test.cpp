@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/reference_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "devo/core/crests.h"
+
+namespace devo {
+namespace {
+
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+Camera TestCamera() { return {160, 120, 120, 120, 79.5, 59.5, "", {}}; }
+
+/// The point that a camera at the reference sees at a pixel, on an upright edge.
+MapPoint PointAt(double u, double v, double z_m) {
+  MapPoint point;
+  point.p_ref = (z_m * *TestCamera().Unproject({u, v})).cast<float>();
+  point.normal_ref = {1, 0, 0};
+  return point;
+}
+
+/// One edge per (u, v), upright.
+Surface SurfaceWith(const std::vector<Eigen::Vector2f>& at) {
+  Surface surface;
+  surface.image = cv::Mat1b(120, 160, std::uint8_t{0});
+  surface.window_s = 0.02;
+  for (const auto& u : at) surface.edges.push_back({u.x(), u.y(), 1, 0, 5, 0});
+  surface.nearest_edge = cv::Mat1i(120, 160);
+  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
+  return surface;
+}
+
+ReferenceMap MapOf(std::vector<MapPoint> points, int max_points = 2000) {
+  MappingOptions options;
+  options.max_points = max_points;
+  ReferenceMap map(TestCamera(), options);
+  map.Add(1, Rigid3(), std::move(points));
+  return map;
+}
+
+TEST(ReferenceMap, ProjectsItsPointsIntoAView) {
+  const ReferenceMap map = MapOf({PointAt(50, 40, 2)});
+  const auto visible = map.Project(Rigid3::Translation({0.1, 0, 0}), nullptr);
+  ASSERT_THAT(visible, SizeIs(1));
+  EXPECT_NEAR(visible[0].u, 50 - 120 * 0.1 / 2, 1e-3);
+  EXPECT_NEAR(visible[0].v, 40, 1e-3);
+  EXPECT_NEAR(visible[0].p_event.z(), 2, 1e-5);
+  EXPECT_NEAR(std::abs(visible[0].normal_x), 1, 1e-5);
+}
+
+TEST(ReferenceMap, LeavesOutWhatIsOutsideTheImageOrBehindTheCamera) {
+  const ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(1, 40, 2), PointAt(50, 118.5, 2)});
+  EXPECT_THAT(map.Project(Rigid3(), nullptr), SizeIs(1));
+  EXPECT_THAT(map.Project(Rigid3::Translation({0, 0, 3}), nullptr), IsEmpty());
+  EXPECT_THAT(map.Project(Rigid3::Rotation(ExpSO3({0, M_PI, 0})), nullptr), IsEmpty());
+  EXPECT_THAT(map.Project(Rigid3::Translation({20, 0, 0}), nullptr), IsEmpty());
+}
+
+TEST(ReferenceMap, HidesPointsBehindTheOccluderOnly) {
+  const ReferenceMap map = MapOf({PointAt(20, 40, 2), PointAt(60, 40, 2), PointAt(100, 40, 2), PointAt(140, 40, 2)});
+  ReferenceMap::Occluder occluder{Rigid3(), cv::Mat1f(30, 40, 0.0F), 4};
+  occluder.nearest_depth_m.colRange(0, 10).setTo(1);       // in front of the first
+  occluder.nearest_depth_m.colRange(10, 20).setTo(1.97F);  // the second's own surface, measured a little short
+  occluder.nearest_depth_m.colRange(20, 30).setTo(3);      // behind the third; nothing known at the fourth
+  const auto visible = map.Project(Rigid3(), &occluder);
+  ASSERT_THAT(visible, SizeIs(3));
+  EXPECT_NEAR(visible[0].u, 60, 1e-3);
+  EXPECT_NEAR(visible[1].u, 100, 1e-3);
+  EXPECT_NEAR(visible[2].u, 140, 1e-3);
+}
+
+TEST(ReferenceMap, LooksThroughTheOccluderFromItsOwnPose) {
+  // From the occluder's pose the point lies 6 pixels further left, where the near surface is.
+  const ReferenceMap map = MapOf({PointAt(42, 40, 2)});
+  ReferenceMap::Occluder occluder{Rigid3::Translation({0.1, 0, 0}), cv::Mat1f(30, 40, 0.0F), 4};
+  occluder.nearest_depth_m.colRange(0, 10).setTo(1);
+  EXPECT_THAT(map.Project(Rigid3(), &occluder), IsEmpty());
+  occluder.T_world_event = Rigid3();
+  EXPECT_THAT(map.Project(Rigid3(), &occluder), SizeIs(1));
+}
+
+TEST(ReferenceMap, ExplainsEdgesNearAPointAndOfItsDirection) {
+  const ReferenceMap map = MapOf({PointAt(50, 40, 2)});
+  Surface surface = SurfaceWith({{50, 40}, {51.8F, 38.4F}, {50, 40}, {50, 40}, {50, 40}, {50, 40}, {55, 40}, {50, 45}});
+  const auto turn = [&](int edge, double angle) {
+    surface.edges[edge].nx = static_cast<float>(std::cos(angle));
+    surface.edges[edge].ny = static_cast<float>(std::sin(angle));
+  };
+  turn(2, M_PI);                                  // the same direction
+  turn(3, 0.35);                                  // 20 degrees
+  turn(4, M_PI / 2);                              // across
+  surface.edges[5].nx = surface.edges[5].ny = 0;  // unknown
+  EXPECT_THAT(map.ExplainedEdges(surface, map.Project(Rigid3(), nullptr)),
+              ElementsAre(true, true, true, true, false, true, false, false));
+}
+
+TEST(ReferenceMap, ExplainsNothingWhenItIsEmpty) {
+  const ReferenceMap map(TestCamera(), MappingOptions());
+  EXPECT_TRUE(map.empty());
+  EXPECT_THAT(map.ExplainedEdges(SurfaceWith({{50, 40}, {60, 40}}), map.Project(Rigid3(), nullptr)), Each(false));
+  EXPECT_THAT(map.AllPoints(), IsEmpty());
+}
+
+/// Moving sideways: 1.2 px across upright edges 2 m away in a surface's 20 ms.
+Vector6d Sideways() { return Vector6d::Unit(0); }
+
+TEST(ReferenceMap, DropsAPointThatMeetsNoEdgeAndKeepsOneThatDoes) {
+  ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)});
+  const Surface surface = SurfaceWith({{50.5F, 40}});
+  for (int k = 0; k < 5; ++k) map.UpdateSupport(surface, map.Project(Rigid3(), nullptr), Sideways());
+  EXPECT_THAT(map.AllPoints(), SizeIs(2));  // too early to judge
+  for (int k = 0; k < 5; ++k) map.UpdateSupport(surface, map.Project(Rigid3(), nullptr), Sideways());
+  ASSERT_THAT(map.AllPoints(), SizeIs(1));
+  EXPECT_NEAR(map.Project(Rigid3(), nullptr)[0].u, 50, 1e-3);
+}
+
+TEST(ReferenceMap, DoesNotJudgePointsWhoseMotionMakesNoEvents) {
+  ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)});
+  for (int k = 0; k < 50; ++k) {
+    map.UpdateSupport(SurfaceWith({}), map.Project(Rigid3(), nullptr), Vector6d::Unit(1));  // along the edges
+    map.UpdateSupport(SurfaceWith({}), map.Project(Rigid3(), nullptr), Vector6d::Zero());
+  }
+  EXPECT_THAT(map.AllPoints(), SizeIs(2));
+}
+
+/// A crowd of points in one corner and one point every 16 pixels elsewhere.
+std::vector<MapPoint> CrowdAndSpread() {
+  std::vector<MapPoint> points;
+  for (int k = 0; k < 3000; ++k) points.push_back(PointAt(3 + k % 25, 3 + k / 25 % 25, 2));
+  for (int v = 40; v < 116; v += 16) {
+    for (int u = 40; u < 156; u += 16) points.push_back(PointAt(u, v, 2));
+  }
+  return points;
+}
+
+TEST(ReferenceMap, SelectsNoMorePointsThanAllowedAndTakesThemFromTheCrowd) {
+  const ReferenceMap map = MapOf(CrowdAndSpread(), 200);
+  const auto selected = map.Select(map.Project(Rigid3(), nullptr), Rigid3());
+  EXPECT_LE(selected.size(), 200U);
+  EXPECT_GE(selected.size(), 150U);
+  const auto elsewhere = std::count_if(selected.begin(), selected.end(), [](const MapPoint& point) {
+    return TestCamera().Project(point.p_ref.cast<double>())->x() > 35;
+  });
+  EXPECT_EQ(elsewhere, 40);  // all that there are
+}
+
+TEST(ReferenceMap, SelectsEverythingWhereThereIsNoCrowd) {
+  auto points = CrowdAndSpread();
+  points.erase(points.begin(), points.end() - 40);
+  const ReferenceMap map = MapOf(points, 50);
+  EXPECT_THAT(map.Select(map.Project(Rigid3(), nullptr), Rigid3()), SizeIs(40));
+}
+
+TEST(ReferenceMap, PrefersPointsThatProvedThemselves) {
+  std::vector<MapPoint> points;
+  for (int k = 0; k < 200; ++k) points.push_back(PointAt(35 + k % 25, 35 + k / 25 * 3, 2));
+  ReferenceMap map = MapOf(points, 100);
+  std::vector<Eigen::Vector2f> seen;  // those of the left half
+  for (const auto& point : map.Project(Rigid3(), nullptr)) {
+    if (point.u < 44) seen.emplace_back(point.u, point.v);
+  }
+  for (int k = 0; k < 5; ++k) map.UpdateSupport(SurfaceWith(seen), map.Project(Rigid3(), nullptr), Sideways());
+  const auto selected = map.Select(map.Project(Rigid3(), nullptr), Rigid3());
+  const auto left = std::count_if(selected.begin(), selected.end(), [](const MapPoint& point) {
+    return TestCamera().Project(point.p_ref.cast<double>())->x() < 46;
+  });
+  EXPECT_GE(left, static_cast<long>(0.7 * static_cast<double>(seen.size())));
+}
+
+TEST(ReferenceMap, GivesSelectedPointsInTheFrameOfTheViewAndAllPointsInWorld) {
+  ReferenceMap map(TestCamera(), MappingOptions());
+  const Rigid3 T_world_ref(ExpSO3({0.1, 0.2, -0.1}), {1, 2, 3}),
+      T_world_view = T_world_ref * Exp(0.02 * Vector6d::Ones());
+  const MapPoint point = PointAt(60, 50, 2);
+  EXPECT_EQ(map.Add(7, T_world_ref, {point}), 0);
+  EXPECT_EQ(map.Add(8, Rigid3(), {PointAt(70, 60, 1)}), 1);
+  const Eigen::Vector3d in_world = T_world_ref * point.p_ref.cast<double>();
+  const auto all = map.AllPoints();
+  ASSERT_THAT(all, SizeIs(2));
+  EXPECT_LT((all[0].p_ref.cast<double>() - in_world).norm(), 1e-5);
+  EXPECT_LT((all[0].normal_ref.cast<double>() - T_world_ref.rotation() * Eigen::Vector3d(1, 0, 0)).norm(), 1e-5);
+  EXPECT_EQ(all[0].reference, 0);
+  EXPECT_EQ(all[1].reference, 1);
+
+  const auto selected = map.Select(map.Project(T_world_view, nullptr), T_world_view);
+  ASSERT_THAT(selected, SizeIs(1));
+  EXPECT_LT((T_world_view * selected[0].p_ref.cast<double>() - in_world).norm(), 1e-5);
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/relocalizer.h"
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "devo/core/crests.h"
+
+namespace devo {
+namespace {
+
+Camera TestCamera() { return {240, 180, 200, 200, 119.5, 89.5, "", {}}; }
+
+/// Thirty segments of all directions on a grid, 1.5 to 3 m from a view at `T_world_ref`; another `place`, others.
+LocalMapPtr Map(int place, const Rigid3& T_world_ref = {}) {
+  auto map = std::make_shared<LocalMap>();
+  map->id = place;
+  map->T_world_ref = T_world_ref;
+  std::mt19937 random(place);
+  std::uniform_real_distribution<double> angle(0, M_PI), z(1.5, 3), jitter(-6, 6);
+  for (int k = 0; k < 30; ++k) {
+    const double dx = jitter(random), dy = jitter(random), a = angle(random), z_m = z(random);
+    const Eigen::Vector2d center(40 + k % 6 * 32 + dx, 33 + k / 6 * 28 + dy), along(std::cos(a), std::sin(a));
+    for (double s = -9; s < 9; s += 0.7) {
+      MapPoint point;
+      point.p_ref = (z_m * *TestCamera().Unproject(center + s * along)).cast<float>();
+      point.normal_ref = Eigen::Vector3f(static_cast<float>(-along.y()), static_cast<float>(along.x()), 0);
+      map->points.push_back(point);
+    }
+  }
+  return map;
+}
+
+/// What a camera at the pose sees of the map.
+Surface Seen(const LocalMap& map, const Rigid3& T_world_event) {
+  const Camera camera = TestCamera();
+  const Rigid3 T_event_ref = T_world_event.inverse() * map.T_world_ref;
+  Surface surface;
+  surface.image = cv::Mat1b(camera.height(), camera.width(), std::uint8_t{0});
+  for (const MapPoint& point : map.points) {
+    const Eigen::Vector3d p = point.p_ref.cast<double>(), tangent(-point.normal_ref.y(), point.normal_ref.x(), 0);
+    const auto u = camera.Project(T_event_ref * p),
+               v = camera.Project(T_event_ref * Eigen::Vector3d(p + 1e-4 * tangent));
+    if (!u || !v || !camera.Contains(*u, 3)) continue;
+    const Eigen::Vector2f along = (*v - *u).normalized().cast<float>();
+    surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), along.y(), -along.x(), 5, 0});
+  }
+  surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
+  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
+  return surface;
+}
+
+Rigid3 Pose(double x, double y, double z, double pitch, double yaw, double roll) {
+  Vector6d xi;
+  xi << x, y, z, pitch, yaw, roll;
+  return Exp(xi);
+}
+
+constexpr double kMinShare = 0.6;
+
+void ExpectFound(const std::optional<Relocalizer::Found>& found, const LocalMapPtr& map, const Rigid3& truth) {
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->map, map);
+  EXPECT_GE(found->alignment.inlier_share, kMinShare);
+  const Vector6d error = Log(truth.inverse() * found->T_world_event);
+  EXPECT_LT(error.head<3>().norm(), 2e-3);
+  EXPECT_LT(error.tail<3>().norm(), 2e-3);
+}
+
+/// Places far from the origin and from each other.
+Rigid3 PlaceView(int place) { return Pose(2.0 * place, 0.3, 0, 0, 0.5 * place, 0); }
+
+TEST(Relocalizer, FindsAPoseThatIsFartherOffThanTheTrackerReaches) {
+  const auto map = Map(1, Pose(1, 2, 3, 0.1, 0.2, 0.3));
+  for (const Rigid3& off : {Pose(0.03, -0.04, 0.05, 0.02, -0.01, 0.04), Pose(-0.05, 0.02, -0.04, -0.02, 0.02, 0)}) {
+    const Rigid3 truth = map->T_world_ref * off;
+    Relocalizer relocalizer(TestCamera(), {});
+    ExpectFound(relocalizer.Search(Seen(*map, truth), map, {map->T_world_ref}, false, kMinShare), map, truth);
+  }
+}
+
+TEST(Relocalizer, FindsAPoseAcrossAGapInWhichTheCameraTurned) {
+  const auto map = Map(2);
+  for (const Rigid3& truth :
+       {Pose(0.02, 0, 0, 0, 0.25, 0), Pose(0, 0.02, 0, -0.2, 0.1, 0.02), Pose(0, 0, 0.02, 0.15, -0.2, -0.02)}) {
+    Relocalizer relocalizer(TestCamera(), {});
+    ExpectFound(relocalizer.Search(Seen(*map, truth), map, {Rigid3()}, false, kMinShare), map, truth);
+  }
+}
+
+TEST(Relocalizer, TakesTheBestOfItsHypotheses) {
+  const auto map = Map(3);
+  const Rigid3 truth = Pose(0.8, 0, -0.3, 0, -0.3, 0.5);
+  const Surface surface = Seen(*map, truth);
+  Relocalizer relocalizer(TestCamera(), {});
+  const Rigid3 wrong = Pose(-0.5, 0.5, 0, 0.5, 0.5, -0.5), near = truth * Pose(0.02, 0.02, 0, 0.02, 0.01, 0.02);
+  EXPECT_FALSE(relocalizer.Search(surface, map, {wrong}, false, kMinShare));
+  ExpectFound(relocalizer.Search(surface, map, {wrong, near}, false, kMinShare), map, truth);
+  ExpectFound(relocalizer.Search(surface, map, {near, wrong}, false, kMinShare), map, truth);
+}
+
+TEST(Relocalizer, FindsNothingInASurfaceWithoutEdgesOrOfAnotherPlace) {
+  const auto map = Map(4);
+  Relocalizer relocalizer(TestCamera(), {});
+  EXPECT_FALSE(relocalizer.Search(Surface(), map, {Rigid3()}, true, 0));
+  EXPECT_FALSE(relocalizer.Search(Seen(*Map(5), Rigid3()), map, {Rigid3()}, true, kMinShare));
+}
+
+TEST(Relocalizer, FindsNothingWhenLessThanTheNeededShareMatches) {
+  const auto map = Map(6);
+  Surface half = Seen(*map, Rigid3());
+  half.edges.resize(half.edges.size() / 2);
+  BuildNearestEdgeField(half.edges, 4, &half.nearest_edge);
+  Relocalizer relocalizer(TestCamera(), {});
+  EXPECT_FALSE(relocalizer.Search(half, map, {Rigid3()}, false, 0.9));
+  EXPECT_TRUE(relocalizer.Search(half, map, {Rigid3()}, false, 0.4));
+}
+
+TEST(Relocalizer, ReturnsToARememberedPlaceOnlyWhenAskedTo) {
+  const auto map = Map(7), place = Map(8, PlaceView(8));
+  const Rigid3 truth = place->T_world_ref * Pose(0.03, 0.02, -0.02, 0.01, 0.02, -0.02);
+  const Surface surface = Seen(*place, truth);
+  Relocalizer relocalizer(TestCamera(), {});
+  EXPECT_FALSE(relocalizer.Search(surface, map, {Rigid3()}, true, kMinShare));
+  relocalizer.Remember(place);
+  EXPECT_FALSE(relocalizer.Search(surface, map, {Rigid3()}, false, kMinShare));
+  ExpectFound(relocalizer.Search(surface, map, {Rigid3()}, true, kMinShare), place, truth);
+}
+
+TEST(Relocalizer, TriesEveryPlaceWithinAFewSearches) {
+  const auto map = Map(9);
+  for (int wanted = 10; wanted < 18; wanted += 3) {
+    Relocalizer relocalizer(TestCamera(), {});
+    for (int place = 10; place < 18; ++place) relocalizer.Remember(Map(place, PlaceView(place)));
+    const Surface surface = Seen(*Map(wanted, PlaceView(wanted)), PlaceView(wanted));
+    bool found = false;
+    for (int search = 0; search < 8 && !found; ++search) {
+      const auto result = relocalizer.Search(surface, map, {}, true, kMinShare);
+      found = result && result->map->id == wanted;
+    }
+    EXPECT_TRUE(found) << "place " << wanted;
+  }
+}
+
+TEST(Relocalizer, KeepsTheNewerOfTwoMapsOfNearlyTheSameView) {
+  const Rigid3 view = PlaceView(18), same = view * Pose(0.02, 0, 0, 0, 0.02, 0);
+  const auto older = Map(18, view), newer = Map(19, same);
+  Relocalizer relocalizer(TestCamera(), {});
+  relocalizer.Remember(older);
+  relocalizer.Remember(newer);
+  EXPECT_FALSE(relocalizer.Search(Seen(*older, view), Map(20), {}, true, kMinShare));
+  ExpectFound(relocalizer.Search(Seen(*newer, same), Map(20), {}, true, kMinShare), newer, same);
+}
+
+TEST(Relocalizer, ForgetsItsPlacesWhenCleared) {
+  const auto place = Map(21, PlaceView(21));
+  const Surface surface = Seen(*place, place->T_world_ref);
+  Relocalizer relocalizer(TestCamera(), {});
+  relocalizer.Remember(place);
+  relocalizer.Clear();
+  EXPECT_FALSE(relocalizer.Search(surface, Map(22), {}, true, kMinShare));
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/surface_builder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+using ::testing::IsEmpty;
+
+constexpr int kWidth = 160, kHeight = 120;
+const std::int64_t kT_ns = NsFromSeconds(10);
+
+Camera TestCamera() { return {kWidth, kHeight, 150, 150, 80.3, 59.6, "", {}}; }
+
+Event At(std::int64_t t_ns, int x, int y) {
+  return {t_ns, static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), 1};
+}
+
+Vector6d Twist(double vx, double vy, double vz, double wx, double wy, double wz) {
+  Vector6d twist;
+  twist << vx, vy, vz, wx, wy, wz;
+  return twist;
+}
+
+/// No filter: the events of these tests have no noise.
+SurfaceOptions WithoutFilter() {
+  SurfaceOptions options;
+  options.noise_neighbours = 0;
+  options.hot_pixel_factor = 0;
+  return options;
+}
+
+/// A static edge between two points (event frame at kT_ns, metres) under a constant velocity of the camera.
+struct MovingEdge {
+  Eigen::Vector3d a, b;
+  Vector6d velocity;
+
+  /// Column in which the edge crosses a row.
+  double ColumnAt(std::int64_t t_ns, double row) const {
+    const Rigid3 T_event_scene = Exp(velocity * SecondsFromNs(t_ns - kT_ns)).inverse();
+    const Camera camera = TestCamera();
+    const Eigen::Vector2d u = *camera.Project(T_event_scene * a), v = *camera.Project(T_event_scene * b);
+    return u.x() + (row - u.y()) / (v.y() - u.y()) * (v.x() - u.x());
+  }
+
+  /// One event whenever the edge crosses the centre of a pixel in rows 10 to 109, over the last 40 ms.
+  std::vector<Event> Events() const {
+    constexpr std::int64_t kStep_ns = 100'000;
+    std::vector<Event> events;
+    for (int row = 10; row < 110; ++row) {
+      double before = ColumnAt(kT_ns - 400 * kStep_ns, row);
+      for (std::int64_t t_ns = kT_ns - 399 * kStep_ns; t_ns < kT_ns; t_ns += kStep_ns) {
+        const double now = ColumnAt(t_ns, row);
+        if (std::floor(now) != std::floor(before)) {
+          const double column = std::max(std::floor(now), std::floor(before));
+          const double share = (column - now) / (now - before);  // -1 to 0
+          if (column >= 0 && column < kWidth) {
+            events.push_back(At(t_ns + std::llround(share * kStep_ns), static_cast<int>(column), row));
+          }
+        }
+        before = now;
+      }
+    }
+    std::sort(events.begin(), events.end(), [](const Event& e, const Event& f) { return e.t_ns < f.t_ns; });
+    return events;
+  }
+};
+
+SurfacePtr SurfaceOf(const std::vector<Event>& events, const Vector6d& velocity, double median_m,
+                     const SurfaceOptions& options = WithoutFilter()) {
+  SurfaceBuilder builder(TestCamera(), options);
+  builder.Insert(events);
+  SceneDepth depth;
+  depth.median_m = median_m;
+  return builder.Render(kT_ns, velocity, depth);
+}
+
+/// Distances along the row from the crests (but those at the edge's ends) to the true edge at the surface's t_edges_ns.
+std::vector<double> CrestErrors(const Surface& surface, const MovingEdge& edge) {
+  std::vector<double> errors;
+  for (const EdgePoint& crest : surface.edges) {
+    if (crest.y < 15 || crest.y > 104) continue;
+    errors.push_back(crest.x - edge.ColumnAt(surface.t_edges_ns, crest.y));
+  }
+  return errors;
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value / static_cast<double>(values.size());
+  return sum;
+}
+
+MovingEdge EdgeUnder(const Vector6d& velocity) { return {{0.05, -1, 2}, {-0.1, 1, 2}, velocity}; }
+
+TEST(CompensatedSurface, ShowsAMovingEdgeAsOneCrestWhereItWasAtTheMeanTimeOfItsEvents) {
+  for (const Vector6d& velocity : {Twist(2, 0, 0, 0, 0, 0), Twist(-2, 0.5, 0, 0, 0, 0), Twist(0, 0, 0, 0, 1.5, 0),
+                                   Twist(0, 0, 0, 0.2, -1, 1), Twist(1.5, 0, 0.3, 0.3, 0.6, -0.5)}) {
+    const MovingEdge edge = EdgeUnder(velocity);
+    const auto surface = SurfaceOf(edge.Events(), velocity, 2);
+    EXPECT_EQ(surface->t_ns, kT_ns);
+    EXPECT_LT(surface->t_edges_ns, kT_ns - NsFromSeconds(0.01));
+    const auto errors = CrestErrors(*surface, edge);
+    // At least one per row, and not two beside each other.
+    EXPECT_GE(errors.size(), 80U) << velocity.transpose();
+    EXPECT_LE(errors.size(), 120U) << velocity.transpose();
+    for (const double error : errors) EXPECT_NEAR(error, 0, 0.15) << velocity.transpose();
+  }
+}
+
+TEST(CompensatedSurface, HasItsTimeAtTheMeanOfItsEvents) {
+  const auto surface = SurfaceOf({At(kT_ns - 8'000'000, 50, 50), At(kT_ns - 4'000'000, 50, 50)}, Vector6d::Zero(), 0);
+  EXPECT_EQ(surface->t_edges_ns, kT_ns - 6'000'000);
+  EXPECT_EQ(surface->events_used, 2U);
+  EXPECT_NEAR(surface->window_s, 0.008, 1e-9);
+}
+
+TEST(CompensatedSurface, WithAWrongVelocityBlursAnEdgeButDoesNotMoveIt) {
+  const Vector6d velocity = Twist(2, 0, 0, 0, 0, 0);
+  const MovingEdge edge = EdgeUnder(velocity);
+  const auto events = edge.Events();
+  for (const double factor : {0.8, 1.2}) {
+    const auto surface = SurfaceOf(events, factor * velocity, 2);
+    const auto errors = CrestErrors(*surface, edge);
+    ASSERT_GE(errors.size(), 80U);
+    EXPECT_NEAR(Mean(errors), 0, 0.1) << factor;
+  }
+}
+
+TEST(CompensatedSurface, IsSharperWithTheRightVelocityThanWithoutOne) {
+  const Vector6d velocity = Twist(2, 0, 0, 0, 0, 0);
+  const auto events = EdgeUnder(velocity).Events();
+  const auto strongest = [&](const Vector6d& assumed) {
+    float strength = 0;
+    const auto surface = SurfaceOf(events, assumed, 2);
+    for (const EdgePoint& crest : surface->edges) strength = std::max(strength, crest.strength);
+    return strength;
+  };
+  EXPECT_GT(strongest(velocity), 1.5F * strongest(Vector6d::Zero()));
+}
+
+TEST(CompensatedSurface, TakesTheDepthOfEachPlaceFromTheGrid) {
+  // Two edges, at 1 m on the left and at 2 m on the right; the median is neither's.
+  const Vector6d velocity = Twist(1.5, 0, 0, 0, 0, 0);
+  const MovingEdge near{{-0.25, -0.6, 1}, {-0.22, 0.6, 1}, velocity}, far{{0.5, -1, 2}, {0.55, 1, 2}, velocity};
+  std::vector<Event> events = near.Events();
+  const auto more = far.Events();
+  events.insert(events.end(), more.begin(), more.end());
+  std::sort(events.begin(), events.end(), [](const Event& e, const Event& f) { return e.t_ns < f.t_ns; });
+  SurfaceBuilder builder(TestCamera(), WithoutFilter());
+  builder.Insert(events);
+  SceneDepth depth;
+  depth.median_m = 4;
+  depth.inverse_depth = (cv::Mat1f(1, 2) << 1, 0.5);
+  const auto surface = builder.Render(kT_ns, velocity, depth);
+  std::vector<double> near_errors, far_errors;
+  for (const EdgePoint& crest : surface->edges) {
+    if (crest.y < 15 || crest.y > 104) continue;
+    (crest.x < 80 ? near_errors : far_errors)
+        .push_back(crest.x - (crest.x < 80 ? near : far).ColumnAt(surface->t_edges_ns, crest.y));
+  }
+  // The two have one common mean time, but own means of their events: a fraction of a pixel apart. The far one moves
+  // less, is fainter, and not all of it is above the threshold.
+  ASSERT_GE(near_errors.size(), 80U);
+  for (const double error : near_errors) EXPECT_NEAR(error, 0, 0.2);
+  EXPECT_GE(far_errors.size(), 40U);
+  for (const double error : far_errors) EXPECT_NEAR(error, 0, 0.3);
+}
+
+TEST(CompensatedSurface, HasNoEdgesWithoutEvents) {
+  const auto surface = SurfaceOf({}, Vector6d::Zero(), 0);
+  EXPECT_THAT(surface->edges, IsEmpty());
+  EXPECT_EQ(surface->events_used, 0U);
+  EXPECT_EQ(surface->t_edges_ns, kT_ns);
+  EXPECT_EQ(cv::countNonZero(surface->image), 0);
+  EXPECT_TRUE(surface->still);
+}
+
+TEST(CompensatedSurface, LeavesOutEventsOlderThanTheWindow) {
+  SurfaceOptions options = WithoutFilter();
+  options.max_window_s = 0.02;
+  const auto surface =
+      SurfaceOf({At(kT_ns - 21'000'000, 50, 50), At(kT_ns - 19'000'000, 50, 50)}, Vector6d::Zero(), 0, options);
+  EXPECT_EQ(surface->events_used, 1U);
+}
+
+TEST(CompensatedSurface, UsesNoMoreThanItsShareOfEvents) {
+  std::vector<Event> events;
+  for (int k = 0; k < 20000; ++k) events.push_back(At(kT_ns - 20'000'000 + 1000 * k, k % kWidth, k / kWidth % kHeight));
+  EXPECT_EQ(SurfaceOf(events, Vector6d::Zero(), 0)->events_used, kWidth * kHeight / 10U);
+}
+
+TEST(CompensatedSurface, KeepsItsEdgesInsideWhenEventsOfTheBorderAreMovedOutside) {
+  std::mt19937 random(7);
+  std::uniform_int_distribution<int> side(0, 3), along_x(0, kWidth - 1), along_y(0, kHeight - 1);
+  for (const Vector6d& velocity : {Twist(0, 0, 0, 0, 0, 0), Twist(20, 0, 0, 0, 0, 0), Twist(-20, -20, 0, 0, 0, 0),
+                                   Twist(0, 0, 100, 0, 0, 0), Twist(0, 0, -100, 9, 9, 9), Twist(0, 0, 0, 80, 80, 80)}) {
+    std::vector<Event> events;
+    for (int k = 0; k < 1900; ++k) {
+      const int s = side(random);
+      events.push_back(At(kT_ns - 40'000'000 + 20'000 * k, s < 2 ? s * (kWidth - 1) : along_x(random),
+                          s < 2 ? along_y(random) : (s - 2) * (kHeight - 1)));
+    }
+    const auto surface = SurfaceOf(events, velocity, 1);
+    for (const EdgePoint& crest : surface->edges) {
+      EXPECT_TRUE(TestCamera().Contains({crest.x, crest.y}, 2)) << crest.x << " " << crest.y;
+    }
+    ASSERT_EQ(surface->image.size(), cv::Size(kWidth, kHeight));
+  }
+}
+
+TEST(CompensatedSurface, TellsAStandstillFromMotionByTheActivity) {
+  const double pixels = kWidth * kHeight;
+  for (const auto& [events_per_pixel_s, still] : {std::pair<double, bool>{0.05, true}, {1, false}}) {
+    const auto per_period = static_cast<int>(events_per_pixel_s * pixels * 0.01);
+    SurfaceBuilder builder(TestCamera(), WithoutFilter());
+    SurfacePtr surface;
+    for (int k = 1; k <= 10; ++k) {
+      std::vector<Event> events;
+      for (int i = 0; i < per_period; ++i) events.push_back(At(k * 10'000'000 - 5'000'000, 7 * i % kWidth, 50));
+      builder.Insert(events);
+      surface = builder.Render(k * 10'000'000, Vector6d::Zero(), {});
+    }
+    EXPECT_EQ(surface->still, still) << events_per_pixel_s;
+    EXPECT_NEAR(surface->activity_hz, events_per_pixel_s, 0.1 * events_per_pixel_s);
+    EXPECT_NEAR(surface->event_rate_hz, events_per_pixel_s * pixels, 0.1 * events_per_pixel_s * pixels);
+  }
+}
+
+TEST(SurfaceBuilder, CountsEventsOutsideUnorderedAndNoise) {
+  SurfaceBuilder builder(TestCamera(), SurfaceOptions());
+  builder.Insert(std::vector<Event>{At(100, 5, 5), At(200, kWidth, 5), At(300, 5, kHeight), At(400, 65535, 65535),
+                                    At(50, 6, 6), At(100, 7, 7), At(500, 90, 90)});
+  builder.Insert(std::vector<Event>{At(499, 9, 9)});
+  builder.Render(1000, Vector6d::Zero(), {});
+  EXPECT_EQ(builder.counters().in, 8U);
+  EXPECT_EQ(builder.counters().outside, 3U);
+  EXPECT_EQ(builder.counters().unordered, 2U);
+  EXPECT_EQ(builder.counters().noise, 3U);  // the other three are alone
+  EXPECT_EQ(builder.counters().used, 0U);
+}
+
+TEST(SurfaceBuilder, StartsANewEpochOnResetAndTakesOlderEventsThen) {
+  SurfaceBuilder builder(TestCamera(), WithoutFilter());
+  builder.Insert(std::vector<Event>{At(kT_ns - 1000, 50, 50)});
+  EXPECT_EQ(builder.Render(kT_ns, Vector6d::Zero(), {})->epoch, 0U);
+  builder.Reset();
+  EXPECT_EQ(builder.epoch(), 1U);
+  builder.Insert(std::vector<Event>{At(5000, 20, 20)});
+  const auto surface = builder.Render(6000, Vector6d::Zero(), {});
+  EXPECT_EQ(surface->epoch, 1U);
+  EXPECT_EQ(surface->events_used, 1U);
+  EXPECT_EQ(builder.counters().unordered, 0U);
+}
+
+TEST(SurfaceBuilder, DoesNotChangeASurfaceThatIsStillHeld) {
+  SurfaceBuilder builder(TestCamera(), WithoutFilter());
+  const auto events = EdgeUnder(Twist(2, 0, 0, 0, 0, 0)).Events();
+  builder.Insert(events);
+  const auto first = builder.Render(kT_ns, Twist(2, 0, 0, 0, 0, 0), {});
+  const cv::Mat1b image = first->image.clone();
+  const cv::Mat1i nearest = first->nearest_edge.clone();
+  for (int k = 0; k < 3; ++k) builder.Render(kT_ns + 1000 * k, Vector6d::Zero(), {});
+  EXPECT_EQ(cv::norm(image, first->image, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(nearest, first->nearest_edge, cv::NORM_INF), 0);
+}
+
+TEST(PlainSurface, DecaysExponentiallyFromTheLastEventOfEachPixel) {
+  SurfaceOptions options;
+  options.method = "exponential";
+  options.tau_s = 0.03;
+  options.delta = 0.5;
+  SurfaceBuilder builder(TestCamera(), options);
+  std::mt19937 random(8);
+  std::uniform_int_distribution<int> column(0, kWidth - 1), row(0, kHeight - 1);
+  cv::Mat1d last_s(kHeight, kWidth, -1e9);
+  std::vector<Event> events;
+  for (int k = 0; k < 20000; ++k) {
+    events.push_back(At(kT_ns - 100'000'000 + 5000 * k, column(random), row(random)));
+    last_s(events.back().y, events.back().x) = SecondsFromNs(events.back().t_ns - kT_ns);
+  }
+  builder.Insert(events);
+  const auto surface = builder.Render(kT_ns, Vector6d::Zero(), {});
+  cv::Mat1b is_edge(kHeight, kWidth, std::uint8_t{0});
+  for (const EdgePoint& edge : surface->edges) is_edge(static_cast<int>(edge.y), static_cast<int>(edge.x)) = 1;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const double value = std::exp(last_s(y, x) / options.tau_s);  // paper eq. 1
+      ASSERT_NEAR(surface->image(y, x), 255 * value, 0.51) << x << " " << y;
+      const bool inner = x >= 3 && y >= 3 && x < kWidth - 3 && y < kHeight - 3;
+      if (std::abs(value - options.delta) > 1.0 / 255) {
+        ASSERT_EQ(is_edge(y, x) == 1, inner && value > options.delta) << x << " " << y;
+      }
+    }
+  }
+  EXPECT_TRUE(surface->nearest_edge.empty());
+}
+
+TEST(PlainSurface, ShowsAnEventOfADistortedCameraWhereItsRayIsInTheUndistortedImage) {
+  SurfaceOptions options;
+  options.method = "exponential";
+  const Camera camera(kWidth, kHeight, 150, 150, 80.3, 59.6, "plumb_bob", {-0.2, 0.05, 0, 0});
+  SurfaceBuilder builder(camera, options);
+  builder.Insert(std::vector<Event>{At(kT_ns, 30, 25)});
+  const auto surface = builder.Render(kT_ns, Vector6d::Zero(), {});
+  const Eigen::Vector2d expected = *camera.Undistorted().Project(*camera.Unproject({30, 25}));
+  ASSERT_FALSE(surface->edges.empty());
+  for (const EdgePoint& edge : surface->edges) {
+    EXPECT_NEAR(edge.x, expected.x(), 1.01);
+    EXPECT_NEAR(edge.y, expected.y(), 1.01);
+  }
+}
+
+TEST(PlainSurface, IsDarkAfterReset) {
+  SurfaceOptions options;
+  options.method = "exponential";
+  SurfaceBuilder builder(TestCamera(), options);
+  builder.Insert(std::vector<Event>{At(kT_ns, 30, 25)});
+  builder.Reset();
+  const auto surface = builder.Render(kT_ns, Vector6d::Zero(), {});
+  EXPECT_EQ(cv::countNonZero(surface->image), 0);
+  EXPECT_THAT(surface->edges, IsEmpty());
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/tracker.h"
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "devo/core/crests.h"
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+constexpr std::int64_t kPeriod_ns = 10'000'000;
+
+Camera TestCamera() { return {240, 180, 200, 200, 119.5, 89.5, "", {}}; }
+
+/// Thirty segments of all directions on a grid, so that none crosses another, 1.5 to 3 m away, as a local map at the
+/// identity.
+LocalMapPtr Map(std::uint64_t epoch = 0) {
+  auto map = std::make_shared<LocalMap>();
+  map->epoch = epoch;
+  std::mt19937 random(14);
+  std::uniform_real_distribution<double> angle(0, M_PI), z(1.5, 3);
+  for (int k = 0; k < 30; ++k) {
+    const Eigen::Vector2d center(40 + k % 6 * 32, 33 + k / 6 * 28);
+    const double a = angle(random), z_m = z(random);
+    const Eigen::Vector2d along(std::cos(a), std::sin(a));
+    for (double s = -9; s < 9; s += 0.7) {
+      MapPoint point;
+      point.p_ref = (z_m * *TestCamera().Unproject(center + s * along)).cast<float>();
+      point.normal_ref = Eigen::Vector3f(static_cast<float>(-along.y()), static_cast<float>(along.x()), 0);
+      map->points.push_back(point);
+    }
+  }
+  return map;
+}
+
+/// What a camera at the pose sees of the map.
+Surface Seen(std::int64_t t_ns, const Rigid3& T_world_event) {
+  static const LocalMapPtr map = Map();
+  const Camera camera = TestCamera();
+  const Rigid3 T_event_ref = T_world_event.inverse();
+  Surface surface;
+  surface.t_ns = surface.t_edges_ns = t_ns;
+  surface.image = cv::Mat1b(camera.height(), camera.width(), std::uint8_t{0});
+  surface.window_s = 0.02;
+  surface.activity_hz = 5;
+  for (const MapPoint& point : map->points) {
+    const Eigen::Vector3d p = point.p_ref.cast<double>();
+    const Eigen::Vector3d tangent(-point.normal_ref.y(), point.normal_ref.x(), 0);
+    const auto u = camera.Project(T_event_ref * p),
+               v = camera.Project(T_event_ref * Eigen::Vector3d(p + 1e-4 * tangent));
+    if (!u || !v || !camera.Contains(*u, 3)) continue;
+    const Eigen::Vector2d along = (*v - *u).normalized();
+    surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), static_cast<float>(along.y()),
+                             static_cast<float>(-along.x()), 5, 0});
+  }
+  surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
+  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
+  return surface;
+}
+
+/// Too few events to see motion.
+Surface Still(std::int64_t t_ns, double activity_hz = 0.01) {
+  Surface surface = Seen(t_ns, Rigid3());
+  surface.edges.clear();
+  surface.nearest_edge.setTo(Surface::kNoEdge);
+  surface.activity_hz = activity_hz;
+  surface.still = true;
+  return surface;
+}
+
+Vector6d Twist() {
+  Vector6d twist;
+  twist << 0.3, -0.1, 0.1, 0.05, 0.1, -0.2;
+  return twist;
+}
+Rigid3 TrueAt(std::int64_t t_ns) { return Exp(Twist() * SecondsFromNs(t_ns)); }
+
+/// A tracker that has followed the constant motion for 50 surfaces.
+std::unique_ptr<Tracker> Moving() {
+  auto tracker = std::make_unique<Tracker>(TestCamera(), OdometryOptions());
+  tracker->SetMap(Map());
+  for (int k = 1; k <= 50; ++k) tracker->Track(Seen(k * kPeriod_ns, TrueAt(k * kPeriod_ns)));
+  return tracker;
+}
+constexpr std::int64_t kNow_ns = 50 * kPeriod_ns;
+
+TEST(Tracker, HasNoPoseWithoutAMap) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  EXPECT_FALSE(tracker.Track(Seen(kPeriod_ns, Rigid3())));
+  EXPECT_TRUE(tracker.MeanVelocity().isZero());
+}
+
+TEST(Tracker, IgnoresAMapOfAnotherEpoch) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map(1));
+  EXPECT_FALSE(tracker.Track(Seen(kPeriod_ns, Rigid3())));
+}
+
+TEST(Tracker, ForgetsItsMapWhenANewEpochBegins) {
+  const auto tracker = Moving();
+  Surface surface = Seen(kPeriod_ns, Rigid3());
+  surface.epoch = 1;
+  EXPECT_FALSE(tracker->Track(surface));
+  tracker->SetMap(Map(1));
+  const auto pose = tracker->Track(surface);
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->epoch, 1U);
+  EXPECT_LT(Log(pose->T_world_event).norm(), 1e-3);
+}
+
+TEST(Tracker, FollowsAConstantMotionToAMillimetreAndKnowsItsVelocity) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  for (int k = 1; k <= 50; ++k) {
+    const auto pose = tracker.Track(Seen(k * kPeriod_ns, TrueAt(k * kPeriod_ns)));
+    ASSERT_TRUE(pose);
+    ASSERT_EQ(pose->state, TrackingState::kTracking) << k;
+    // It is started at rest, so the first poses lag behind.
+    ASSERT_LT(Log(TrueAt(k * kPeriod_ns).inverse() * pose->T_world_event).norm(), k < 10 ? 5e-3 : 1e-3) << k;
+    ASSERT_GT(pose->inlier_share, 0.9) << k;
+    ASSERT_TRUE(pose->covariance_event.allFinite());
+  }
+  EXPECT_LT((tracker.MeanVelocity() - Twist()).norm(), 0.02);
+}
+
+TEST(Tracker, ContinuesThePoseOfTheEdgesToTheTimeOfTheSurface) {
+  const auto tracker = Moving();
+  Surface surface = Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns));
+  surface.t_ns += kPeriod_ns;  // rendered later than its edges were where it shows them
+  const auto pose = tracker->Track(surface);
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->t_edges_ns, kNow_ns + kPeriod_ns);
+  EXPECT_EQ(pose->t_ns, kNow_ns + 2 * kPeriod_ns);
+  EXPECT_LT(Log(TrueAt(pose->t_edges_ns).inverse() * pose->T_world_event_edges).norm(), 1e-3);
+  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+}
+
+TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
+  // Events grow fewer over several surfaces, as when a camera slows down.
+  const auto tracker = Moving();
+  std::int64_t t_ns = kNow_ns;
+  const Rigid3 stopped = TrueAt(kNow_ns);
+  for (const double activity_hz : {3.0, 2.0, 1.5, 1.0, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.2}) {
+    Surface slow = Seen(t_ns += kPeriod_ns, stopped);
+    slow.activity_hz = activity_hz;
+    tracker->Track(slow);
+  }
+  Rigid3 held;
+  for (int k = 0; k < 100; ++k) {
+    const auto pose = tracker->Track(Still(t_ns += kPeriod_ns));
+    ASSERT_TRUE(pose);
+    ASSERT_EQ(pose->state, TrackingState::kTracking) << k;
+    if (k == 0) held = pose->T_world_event;
+    ASSERT_LT(Log(held.inverse() * pose->T_world_event).norm(), 1e-9) << k;
+  }
+  EXPECT_LT(Log(stopped.inverse() * held).norm(), 3e-3);
+  EXPECT_LT(tracker->MeanVelocity().norm(), 1e-6);
+}
+
+TEST(Tracker, CoastsOnWhenEventsEndSuddenlyAndIsNotCertainOfIt) {
+  const auto tracker = Moving();
+  const auto before = tracker->Track(Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns)));
+  std::optional<PoseEstimate> pose;
+  for (int k = 2; k <= 6; ++k) pose = tracker->Track(Still(kNow_ns + k * kPeriod_ns));
+  ASSERT_TRUE(pose);
+  const std::int64_t t_ns = kNow_ns + 6 * kPeriod_ns;
+  // 50 ms at 0.33 m/s are 17 mm; slowing down costs one of them.
+  EXPECT_LT((TrueAt(t_ns).inverse() * pose->T_world_event).translation().norm(), 0.005);
+  EXPECT_NE(pose->state, TrackingState::kTracking);
+  EXPECT_GT(pose->covariance_event.trace(), before->covariance_event.trace());
+}
+
+TEST(Tracker, GoesOnWhenEventsComeBackAfterAGap) {
+  const auto tracker = Moving();
+  for (int k = 1; k <= 20; ++k) tracker->Track(Still(kNow_ns + k * kPeriod_ns));
+  std::optional<PoseEstimate> pose;
+  for (int k = 21; k <= 40; ++k) {
+    pose = tracker->Track(Seen(kNow_ns + k * kPeriod_ns, TrueAt(kNow_ns + k * kPeriod_ns)));
+    ASSERT_TRUE(pose && pose->T_world_event.IsFinite());
+  }
+  EXPECT_EQ(pose->state, TrackingState::kTracking);
+  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 5e-3);
+}
+
+TEST(Tracker, FindsThePoseAgainAfterAJump) {
+  const auto tracker = Moving();
+  // 12 pixels at once: three times what an edge attracts.
+  const Rigid3 jumped = TrueAt(kNow_ns) * Rigid3::Rotation(ExpSO3({0, 0.06, 0}));
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 60; ++k) {
+    pose = tracker->Track(Seen(kNow_ns + k * kPeriod_ns, jumped));
+    ASSERT_TRUE(pose && pose->T_world_event.IsFinite());
+  }
+  EXPECT_EQ(pose->state, TrackingState::kTracking);
+  EXPECT_GT(pose->inlier_share, 0.9);
+  EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 5e-3);
+}
+
+TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
+  const auto tracker = Moving();
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 60; ++k) {
+    Surface nothing = Still(kNow_ns + k * kPeriod_ns, 5);
+    nothing.still = false;
+    pose = tracker->Track(nothing);
+    ASSERT_TRUE(pose);
+    ASSERT_TRUE(pose->T_world_event.IsFinite() && pose->covariance_event.allFinite()) << k;
+  }
+  EXPECT_EQ(pose->state, TrackingState::kLost);
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/io/run_report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+namespace devo {
+namespace {
+
+PoseEstimate PoseAtTick(int tick, TrackingState state) {
+  PoseEstimate estimate;
+  estimate.t_ns = tick * 10000000LL;
+  estimate.state = state;
+  return estimate;
+}
+
+TEST(RunReport, CountsLostIntervalsAndLeavesLostPosesOutOfTheTrajectory) {
+  RunReport report(100);
+  report.AddPose(PoseAtTick(0, TrackingState::kInitialising));
+  for (int tick = 1; tick <= 5; ++tick) report.AddPose(PoseAtTick(tick, TrackingState::kTracking));
+  for (int tick = 6; tick <= 8; ++tick) report.AddPose(PoseAtTick(tick, TrackingState::kLost));
+  report.AddPose(PoseAtTick(9, TrackingState::kRecovered));
+  report.AddPose(PoseAtTick(10, TrackingState::kDegraded));
+  EXPECT_EQ(report.trajectory().size(), 7U);
+  ASSERT_EQ(report.lost_intervals().size(), 1U);
+  EXPECT_EQ(report.lost_intervals()[0].begin_ns, 60000000);
+  EXPECT_EQ(report.lost_intervals()[0].end_ns, 90000000);
+  EXPECT_NEAR(report.Coverage(100000000), 0.7, 1e-9);
+}
+
+TEST(RunReport, CountsMissingTicksUpToTheEndOfTheEvents) {
+  RunReport report(100);
+  for (int tick = 0; tick < 50; ++tick) report.AddPose(PoseAtTick(tick, TrackingState::kTracking));
+  EXPECT_NEAR(report.Coverage(490000000), 1, 1e-9);
+  EXPECT_NEAR(report.Coverage(990000000), 0.5, 1e-9);
+  EXPECT_EQ(RunReport(100).Coverage(1000000000), 0);
+}
+
+TEST(RunReport, HoldsWhatTheContractNames) {
+  RunReport report(100);
+  report.timings.tracking_ms = {1, 2, 3, 4};
+  report.counters.events_in = 10;
+  report.counters.events_outside = 3;
+  report.end_ns = 2000000000;
+  report.wall_s = 0.5;
+  const auto json = nlohmann::json::parse(report.ToJson());
+  EXPECT_EQ(json["milliseconds"]["tracking"]["p50"], 2);
+  EXPECT_EQ(json["milliseconds"]["tracking"]["max"], 4);
+  EXPECT_EQ(json["events"]["used"], 7);
+  EXPECT_EQ(json["events"]["dropped"], 3);
+  EXPECT_EQ(json["real_time_factor"], 4);
+  EXPECT_TRUE(json["evaluation"].is_null());
+  for (const char* key : {"poses", "coverage", "lost_intervals", "references", "depth_frames", "peak_memory_mb"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+}
+
+TEST(Percentile, IsTheNearestRank) {
+  EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 0.5), 3);
+  EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 1.0), 5);
+  EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 0.0), 1);
+  EXPECT_EQ(Percentile({}, 0.5), 0);
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "devo/ros/conversions.h"
+#include "devo/ros/message_conversion.h"
+
+namespace devo {
+namespace {
+
+/// The IMU's x axis is the event camera's z axis.
+tf2::BufferCore& TurnedImu(tf2::BufferCore& transforms) {
+  geometry_msgs::TransformStamped transform;
+  transform.header.frame_id = "event";
+  transform.child_frame_id = "imu";
+  transform.transform = ToTransformMsg(Rigid3(Eigen::Quaterniond(0.5, -0.5, -0.5, -0.5), {1, 2, 3}));
+  transforms.setTransform(transform, "test", true);
+  return transforms;
+}
+
+sensor_msgs::Imu Turning() {
+  sensor_msgs::Imu message;
+  message.header.stamp.fromNSec(1'000'000'007);
+  message.angular_velocity.x = 0.25;
+  message.linear_acceleration.y = 9.5;
+  return message;
+}
+
+TEST(Imu, ASampleIsTurnedIntoTheEventFrameByTheStaticTransformation) {
+  tf2::BufferCore transforms;
+  const ImuSample sample = ToImuSample(Turning(), RotationOfImu("/imu", "event", TurnedImu(transforms)));
+  EXPECT_EQ(sample.t_ns, 1'000'000'007);
+  EXPECT_TRUE(sample.angular_velocity.isApprox(Eigen::Vector3d(0, 0, 0.25), 1e-12)) << sample.angular_velocity;
+  EXPECT_TRUE(sample.linear_acceleration.isApprox(Eigen::Vector3d(9.5, 0, 0), 1e-12)) << sample.linear_acceleration;
+}
+
+TEST(Imu, ASampleInTheEventFrameOrOfNoFrameStaysAsItIs) {
+  const tf2::BufferCore nothing;
+  for (const char* frame : {"", "event", "/event"}) {
+    const ImuSample sample = ToImuSample(Turning(), RotationOfImu(frame, "event", nothing));
+    EXPECT_EQ(sample.angular_velocity, Eigen::Vector3d(0.25, 0, 0)) << frame;
+  }
+}
+
+TEST(Imu, AMissingTransformationIsRefusedAndBothFramesAreNamed) {
+  const tf2::BufferCore nothing;
+  try {
+    RotationOfImu("imu", "event", nothing);
+    FAIL() << "a guess was returned";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("'imu'"), testing::HasSubstr("'event'")));
+  }
+}
+
+TEST(Imu, AnUnknownEventFrameIsRefused) {
+  const tf2::BufferCore nothing;
+  EXPECT_THROW(RotationOfImu("imu", "", nothing), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace devo

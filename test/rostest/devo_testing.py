@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the rostests share: the package's programs, trajectories, and a record of what the nodelets publish."""
+
+import json
+import os
+import subprocess
+import threading
+
+import roslib.packages
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+from devo.msg import Status
+
+
+def program(name):
+    found = roslib.packages.find_node("devo", name)
+    assert found, "%s is not built" % name
+    return found[0]
+
+
+def run_offline(config, bag, out, overrides=()):
+    """Trajectory file of the offline runner on the same bag."""
+    command = [program("devo_offline"), "--config", config, "--bag", bag, "--out", out]
+    for override in overrides:
+        command += ["--set", override]
+    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+    assert result.returncode == 0, result.stdout
+    return os.path.join(out, "trajectory.txt")
+
+
+def evaluate(groundtruth, trajectory):
+    """The figures of devo_evaluate."""
+    output = subprocess.check_output([program("devo_evaluate"), "--json", "-", groundtruth, trajectory])
+    return json.loads(output)
+
+
+def write_tum(path, odometries):
+    with open(path, "w") as out:
+        for odometry in odometries:
+            p, q = odometry.pose.pose.position, odometry.pose.pose.orientation
+            stamp = odometry.header.stamp
+            out.write("%d.%09d %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n" %
+                      (stamp.secs, stamp.nsecs, p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+    return path
+
+
+class Record:
+    """Everything that the nodelets in namespace /devo say from now on."""
+
+    def __init__(self):
+        self.lock = threading.Lock()
+        self.odometry, self.status, self.transforms, self.diagnostics = [], [], [], {}
+        self.subscribers = [
+            rospy.Subscriber("/devo/odometry", Odometry, self._append, self.odometry, queue_size=None),
+            rospy.Subscriber("/devo/status", Status, self._append, self.status, queue_size=None),
+            rospy.Subscriber("/tf", TFMessage, self._on_tf, queue_size=None),
+            rospy.Subscriber("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=None),
+        ]
+
+    def _append(self, message, to):
+        with self.lock:
+            to.append(message)
+
+    def _on_tf(self, message):
+        with self.lock:
+            self.transforms += message.transforms
+
+    def _on_diagnostics(self, message):
+        with self.lock:
+            for status in message.status:
+                self.diagnostics[status.name] = status
+
+    def epoch(self):
+        with self.lock:
+            return self.status[-1].epoch if self.status else -1
+
+    def odometry_of_epoch(self, epoch):
+        """Odometry messages in order; time goes back once per epoch."""
+        runs = [[]]
+        with self.lock:
+            for message in self.odometry:
+                if runs[-1] and message.header.stamp < runs[-1][-1].header.stamp:
+                    runs.append([])
+                runs[-1].append(message)
+        return runs[epoch] if epoch < len(runs) else []
+
+    def diagnostic(self, end_of_name):
+        """Key to value of the latest status whose name ends so, and its level and message."""
+        with self.lock:
+            for name, status in self.diagnostics.items():
+                if name.endswith(end_of_name):
+                    values = {pair.key: pair.value for pair in status.values}
+                    values["level"], values["message"] = status.level, status.message
+                    return values
+        raise AssertionError("no diagnostics of '%s'; there are %s" % (end_of_name, sorted(self.diagnostics)))

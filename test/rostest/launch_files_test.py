@@ -1,0 +1,78 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every launch file parses with its required arguments, documents each argument and names files that exist."""
+
+import glob
+import os
+import unittest
+import xml.etree.ElementTree
+
+import rospkg
+import roslaunch.config
+import rosunit
+import yaml
+
+PACKAGE = rospkg.RosPack().get_path("devo")
+REQUIRED = {
+    "replay.launch": ["bag:=/tmp/a.bag", "config:=%s/config/esim.yaml" % PACKAGE],
+    "mvsec.launch": ["sequence:=indoor_flying1", "dir:=/tmp"],
+    "vector.launch": ["sequence:=desk-normal1", "dir:=/tmp"],
+    "live.launch": ["drivers:=false"],
+    "simulation.launch": [],
+    "devo.launch.xml": ["config:=%s/config/esim.yaml" % PACKAGE],
+    "rviz.launch.xml": [],
+}
+
+
+def launch_files():
+    return sorted(glob.glob(PACKAGE + "/launch/*.launch") + glob.glob(PACKAGE + "/launch/includes/*.launch.xml"))
+
+
+class LaunchFilesTest(unittest.TestCase):
+    def load(self, path):
+        arguments = REQUIRED[os.path.basename(path)]
+        return roslaunch.config.load_config_default([(path, arguments)], None, verbose=False)
+
+    def test_every_launch_file_is_known_to_this_test(self):
+        self.assertEqual(sorted(os.path.basename(path) for path in launch_files()), sorted(REQUIRED))
+
+    def test_every_launch_file_parses_and_its_configurations_exist(self):
+        for path in launch_files():
+            config = self.load(path)
+            self.assertEqual(config.config_errors, [], path)
+            configs = [p.value for name, p in config.params.items() if name.endswith("/config")]
+            self.assertTrue(all(os.path.isfile(c) for c in configs), "%s: %s" % (path, configs))
+
+    def test_every_launch_of_the_odometry_has_the_three_nodelets_and_one_manager(self):
+        for path in launch_files():
+            if os.path.basename(path) == "rviz.launch.xml":
+                continue
+            arguments = [node.args.split() for node in self.load(path).nodes if node.type == "nodelet"]
+            self.assertEqual(sum(a == ["manager"] for a in arguments), 1, path)
+            loaded = {a[1] for a in arguments if a[0] == "load"}
+            self.assertLessEqual({"devo/TimeSurface", "devo/Mapping", "devo/Tracking"}, loaded, path)
+
+    def test_every_argument_that_can_be_given_is_documented(self):
+        for path in launch_files():
+            for argument in xml.etree.ElementTree.parse(path).getroot().iter("arg"):
+                if "value" not in argument.attrib:
+                    self.assertTrue(argument.get("doc"), "%s: %s" % (path, argument.get("name")))
+
+    def test_arguments_reach_the_nodelets(self):
+        path = PACKAGE + "/launch/mvsec.launch"
+        params = self.load(path).params
+        self.assertIn("camchain-imucam-indoor_flying.yaml", params["/devo/surface/set"].value)
+        play = [node for node in self.load(path).nodes if node.name == "play"][0]
+        self.assertIn("/tmp/indoor_flying1_data.bag /tmp/indoor_flying1_gt.bag", play.args)
+
+    def test_rviz_opens_on_the_frame_and_topics_of_the_nodelets(self):
+        with open(PACKAGE + "/config/devo.rviz") as text:
+            manager = yaml.safe_load(text)["Visualization Manager"]
+        self.assertEqual(manager["Global Options"]["Fixed Frame"], "odom")
+        topics = {d.get("Topic") or d.get("Image Topic") for d in manager["Displays"]}
+        self.assertLessEqual({"path", "ground_truth_path", "local_map", "global_map", "time_surface/image",
+                              "reprojection/image", "depth_overlay/image"}, topics)
+
+
+if __name__ == "__main__":
+    rosunit.unitrun("devo", "launch_files", LaunchFilesTest)

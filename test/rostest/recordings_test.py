@@ -1,0 +1,108 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Recordings through the launch files as a user starts them, against the offline runner and ground truth: simulated ones
+in the data sets' own dialects, and those of ../shared/data where that folder is."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rospkg
+import rospy
+import rostest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from devo_testing import evaluate, program  # noqa: E402
+
+PACKAGE = rospkg.RosPack().get_path("devo")
+SHARED = os.path.join(PACKAGE, "..", "shared", "data")
+
+
+class RecordingsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("recordings_test")
+        cls.folder = tempfile.mkdtemp(prefix="devo_recordings_")
+
+    def offline(self, name, config, bags, overrides):
+        out = os.path.join(self.folder, name + "_offline")
+        command = [program("devo_offline"), "--config", config, "--out", out]
+        for bag in bags:
+            command += ["--bag", bag]
+        for override in overrides:
+            command += ["--set", override]
+        result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        self.assertEqual(result.returncode, 0, result.stdout)
+        return os.path.join(out, "trajectory.txt"), os.path.join(out, "report.json")
+
+    def launched(self, name, launch, arguments):
+        """What the nodelets wrote until the bag was over, and what they said about it."""
+        trajectory = os.path.join(self.folder, name + "_nodelets.txt")
+        command = ["roslaunch", "devo", launch, "rviz:=false", "trajectory_file:=" + trajectory] + arguments
+        result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                                timeout=60)
+        self.assertTrue(os.path.exists(trajectory), result.stdout)
+        return trajectory, [line for line in result.stdout.splitlines() if "poses written" in line]
+
+    def check(self, name, config, bags, launch, arguments, overrides=(), floor_m=0.001):
+        offline, report = self.offline(name, config, bags, overrides)
+        nodelets, said = self.launched(name, launch, arguments)
+        with open(report) as text:
+            evaluation = json.load(text)["evaluation"]
+        # The estimate of the nodelets against the offline one, both of which have the same stamps, costs no truth.
+        error = evaluate(offline, nodelets)
+        print("%s: offline ATE %.2f mm of %.2f m; %s" % (
+            name, 1e3 * evaluation["ate_rmse_m"], evaluation["path_length_m"], said[0] if said else "?"))
+        self.assertTrue(said and "ATE RMSE" in said[0], said)
+        ate_m = float(said[0].split("ATE RMSE ")[1].split()[0])
+        self.assertLess(ate_m, max(1.5 * evaluation["ate_rmse_m"], floor_m))
+        with open(offline) as lines:
+            expected = sum(1 for _ in lines)
+        self.assertGreater(error["pairs"], 0.9 * expected)
+
+    def recording(self, *parts):
+        path = os.path.join(SHARED, *parts)
+        if not os.path.exists(path):
+            self.skipTest("no recording at %s" % path)
+        return os.path.abspath(path)
+
+    def replay(self, name, config, bag, **options):
+        config = os.path.join(PACKAGE, "config", config)
+        self.check(name, config, [bag], "replay.launch", ["bag:=" + bag, "config:=" + config], **options)
+
+    def test_mvsec_is_replayed_by_name_as_well_as_offline(self):
+        folder = rospy.get_param("~mvsec")
+        bags = [os.path.join(folder, "indoor_flying1_%s.bag" % kind) for kind in ("data", "gt")]
+        calibration = os.path.join(folder, "indoor_flying_calib", "camchain-imucam-indoor_flying.yaml")
+        self.check("mvsec", PACKAGE + "/config/mvsec.yaml", bags, "mvsec.launch",
+                   ["sequence:=indoor_flying1", "dir:=" + folder],
+                   ["calibration.path=" + calibration])
+
+    def test_vector_is_replayed_by_name_as_well_as_offline(self):
+        folder = rospy.get_param("~vector")
+        bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind)
+                for kind in ("left_event", "kinect_depth", "gt")]
+        calibration = os.path.join(folder, "desk-normal1_calib")
+        self.check("vector", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
+                   ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration],
+                   ["calibration.path=" + calibration])
+
+    def test_the_real_recordings_are_replayed_as_well_as_offline(self):
+        for name in ("seq1", "seq2"):
+            bag = self.recording("real_davis_kinect", name, name + ".bag")
+            self.replay(name, "davis_kinect.yaml", bag, floor_m=0.005)
+
+    def test_the_third_party_simulations_are_replayed_as_well_as_offline(self):
+        unpack = self.recording("recording.py")
+        for name, config in (("desk_slow", "esim.yaml"), ("room_davis", "esim_offset_depth.yaml")):
+            bag = os.path.join(self.folder, name + ".bag")
+            subprocess.check_call(["/usr/bin/python3", unpack, "unpack", self.recording("esim", name + ".rec"), bag])
+            self.replay(name, config, bag)
+            os.remove(bag)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("devo", "recordings", RecordingsTest)

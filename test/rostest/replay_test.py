@@ -1,0 +1,138 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""A recorded bag played twice in a loop through the nodelets in one manager, against the offline runner and truth."""
+
+import math
+import os
+import sys
+import tempfile
+import time
+import unittest
+
+import rospy
+import rostest
+from std_srvs.srv import SetBool, Trigger
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from devo_testing import Record, evaluate, run_offline, write_tum  # noqa: E402
+
+
+class ReplayTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("replay_test")
+        cls.record = Record()
+        bag, config = rospy.get_param("~bag"), rospy.get_param("~config")
+        cls.groundtruth = os.path.splitext(bag)[0] + "_groundtruth.txt"
+        cls.folder = tempfile.mkdtemp(prefix="devo_replay_")
+        deadline = time.time() + rospy.get_param("~timeout", 60)
+        while cls.record.epoch() < 2 and time.time() < deadline:
+            time.sleep(0.1)
+        cls.epochs = cls.record.epoch()
+        cls.saved = rospy.ServiceProxy("/devo/tracking/save_trajectory", Trigger)()
+        cls.saved_map = rospy.ServiceProxy("/devo/mapping/save_map", Trigger)()
+        cls.offline = run_offline(config, bag, cls.folder)
+        cls.offline_error = evaluate(cls.groundtruth, cls.offline)
+
+    def poses_of_epoch(self, epoch):
+        poses = self.record.odometry_of_epoch(epoch)
+        self.assertTrue(poses, "no odometry in epoch %d" % epoch)
+        return poses
+
+    def test_a_bag_played_again_begins_a_new_epoch(self):
+        self.assertGreaterEqual(self.epochs, 2)
+
+    def test_the_error_of_both_rounds_is_within_one_and_a_half_times_that_of_the_offline_runner(self):
+        bound = max(1.5 * self.offline_error["ate_rmse_m"], 0.002)
+        for epoch in (0, 1):
+            path = write_tum(os.path.join(self.folder, "epoch%d.txt" % epoch), self.poses_of_epoch(epoch))
+            error = evaluate(self.groundtruth, path)
+            print("epoch %d: ATE %.2f mm (%.2f %% of %.2f m), offline %.2f mm" %
+                  (epoch, 1e3 * error["ate_rmse_m"], error["drift_percent"], error["path_length_m"],
+                   1e3 * self.offline_error["ate_rmse_m"]))
+            self.assertLess(error["ate_rmse_m"], bound)
+
+    def test_there_is_a_pose_for_every_tick_that_the_offline_runner_tracks(self):
+        with open(self.offline) as lines:
+            offline = sum(1 for _ in lines)
+        for epoch in (0, 1):
+            poses = self.poses_of_epoch(epoch)
+            print("epoch %d: %d poses, offline %d" % (epoch, len(poses), offline))
+            self.assertGreater(len(poses), 0.95 * offline)
+            stamps = [pose.header.stamp.to_nsec() for pose in poses]
+            self.assertTrue(all(stamp % 10000000 == 0 for stamp in stamps), "surfaces lie on multiples of 10 ms")
+
+    def test_odometry_is_finite_with_a_positive_covariance_in_its_frames(self):
+        for pose in self.poses_of_epoch(0):
+            self.assertEqual(pose.header.frame_id, "odom")
+            self.assertEqual(pose.child_frame_id, "test_event_optical")
+            p, q = pose.pose.pose.position, pose.pose.pose.orientation
+            self.assertTrue(all(math.isfinite(v) for v in (p.x, p.y, p.z)))
+            self.assertAlmostEqual(q.x ** 2 + q.y ** 2 + q.z ** 2 + q.w ** 2, 1, places=6)
+            self.assertTrue(all(pose.pose.covariance[7 * i] > 0 for i in range(6)))
+
+    def test_tf_carries_the_same_poses(self):
+        of_odometry = {pose.header.stamp: pose for pose in self.poses_of_epoch(0)}
+        ours = [t for t in self.record.transforms if t.child_frame_id == "test_event_optical"]
+        met = [t for t in ours if t.header.stamp in of_odometry]
+        self.assertGreater(len(met), 0.9 * len(of_odometry))
+        # Both rounds have the same stamps: the first transforms are of the first round.
+        for transform in met[:len(of_odometry) // 2]:
+            p = of_odometry[transform.header.stamp].pose.pose.position
+            self.assertEqual(transform.header.frame_id, "odom")
+            self.assertAlmostEqual(transform.transform.translation.x, p.x, places=9)
+
+    def test_the_trajectory_begins_at_the_initial_pose(self):
+        p = self.poses_of_epoch(0)[0].pose.pose.position
+        q = self.poses_of_epoch(0)[0].pose.pose.orientation
+        self.assertLess(abs(p.x - 1) + abs(p.y - 2) + abs(p.z - 3), 0.1)
+        self.assertGreater(abs(-0.5 * q.x + 0.5 * q.y - 0.5 * q.z + 0.5 * q.w), 0.99)
+
+    def test_diagnostics_show_state_rates_and_latency(self):
+        tracking = self.record.diagnostic(": tracking")
+        self.assertIn(tracking["tracking state"], ("tracking", "degraded", "recovered", "initialising"))
+        surface = self.record.diagnostic(": time surface")
+        self.assertAlmostEqual(float(surface["surface rate (Hz of data time)"]), 100, delta=5)
+        latency = float(surface["latency event to pose p99 (ms)"])
+        print("event-to-pose latency p50 %s ms, p99 %s ms, max %s ms" % (
+            surface["latency event to pose p50 (ms)"], latency, surface["latency event to pose max (ms)"]))
+        self.assertGreater(latency, 0)
+        self.assertLess(latency, 100)
+        inputs = self.record.diagnostic("mapping: inputs")
+        self.assertEqual(inputs["message"], "all inputs arrive")
+
+    def test_samples_of_the_imu_arrive_in_the_event_frame(self):
+        tracking = self.record.diagnostic(": tracking")
+        print("IMU samples: %s accepted, %s without a transform" % (
+            tracking["IMU samples accepted"], tracking["IMU samples without a transform"]))
+        self.assertGreater(int(tracking["IMU samples accepted"]), 100)
+        self.assertEqual(int(tracking["IMU samples without a transform"]), 0)
+
+    def test_services_save_what_was_made(self):
+        self.assertTrue(self.saved.success, self.saved.message)
+        self.assertTrue(self.saved_map.success, self.saved_map.message)
+
+    def test_pause_stops_and_resumes_the_surfaces(self):
+        pause = rospy.ServiceProxy("/devo/surface/pause", SetBool)
+        self.assertTrue(pause(True).success)
+        time.sleep(0.5)
+        before = len(self.record.status)
+        time.sleep(0.7)
+        self.assertEqual(len(self.record.status), before)
+        self.assertTrue(pause(False).success)
+        deadline = time.time() + 10
+        while len(self.record.status) == before and time.time() < deadline:
+            time.sleep(0.1)
+        self.assertGreater(len(self.record.status), before)
+
+    def test_reset_begins_a_new_epoch(self):
+        before = self.record.epoch()
+        self.assertTrue(rospy.ServiceProxy("/devo/surface/reset", Trigger)().success)
+        deadline = time.time() + 10
+        while self.record.epoch() == before and time.time() < deadline:
+            time.sleep(0.1)
+        self.assertGreater(self.record.epoch(), before)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("devo", "replay", ReplayTest)

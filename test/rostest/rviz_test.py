@@ -1,0 +1,65 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""rviz, under a virtual display, shows a replay: the pixels of trajectory and cloud are on the screen."""
+
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+import unittest
+
+import rospy
+import rostest
+
+# As config/devo.rviz colours them, in RGB.
+TRAJECTORY, LOCAL_MAP = (60, 220, 120), (255, 170, 40)
+DISPLAY = ["xvfb-run", "-a", "-s", "-screen 0 1500x900x24"]
+LAUNCH = """
+roslaunch devo replay.launch bag:=%s config:=%s loop:=true exit_at_end:=false delay:=5 save_at_shutdown:=false & launch=$!
+for i in $(seq 1 40); do sleep 1; import -window root %s/screen.png; [ -e %s/enough ] && break; done
+kill -INT $launch; wait $launch
+"""
+
+
+def count_pixels(path, colour):
+    """Pixels of the colour, to within the anti-aliasing of thin lines, right of the panels."""
+    text = subprocess.check_output(["convert", path, "-depth", "8", "rgb:-"])
+    near = 0
+    for i in range(0, len(text), 3):
+        if (i // 3) % 1500 > 420 and all(abs(text[i + c] - colour[c]) < 25 for c in range(3)):
+            near += 1
+    return near
+
+
+@unittest.skipUnless(all(shutil.which(tool) for tool in ("xvfb-run", "import", "convert", "rviz")),
+                     "xvfb-run, imagemagick or rviz is not installed")
+class RvizTest(unittest.TestCase):
+    def test_a_replay_shows_trajectory_and_cloud(self):
+        rospy.init_node("rviz_test")
+        folder = tempfile.mkdtemp(prefix="devo_rviz_")
+        screen = os.path.join(folder, "screen.png")
+        script = LAUNCH % (rospy.get_param("~bag"), rospy.get_param("~config"), folder, folder)
+        environment = dict(os.environ, LIBGL_ALWAYS_SOFTWARE="1", QT_X11_NO_MITSHM="1")
+        running = subprocess.Popen(DISPLAY + ["bash", "-c", script], env=environment)
+        best = (0, 0)
+        while running.poll() is None:
+            time.sleep(1)
+            if not os.path.exists(screen):
+                continue
+            try:
+                seen = (count_pixels(screen, TRAJECTORY), count_pixels(screen, LOCAL_MAP))
+            except subprocess.CalledProcessError:
+                continue  # half written
+            best = max(best, seen, key=lambda n: min(n))
+            if min(best) > 50:
+                open(os.path.join(folder, "enough"), "w").close()
+                break
+        running.wait()
+        print("%d pixels of the trajectory and %d of the cloud in %s" % (best[0], best[1], screen))
+        self.assertGreater(best[0], 50)
+        self.assertGreater(best[1], 50)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("devo", "rviz", RvizTest)

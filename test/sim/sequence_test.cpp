@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/sim/sequence.h"
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include "devo/sim/rig_file.h"
+
+namespace devo::sim {
+namespace {
+
+SequenceOptions Small() {
+  SequenceOptions o;
+  o.sensor = "davis240";
+  o.duration_s = 0.25;
+  o.rest_s = 0.05;
+  return o;
+}
+
+struct Recording {
+  std::vector<Event> events;
+  std::vector<DepthImage> depth;
+  std::vector<Frame> frames;
+  std::vector<ImuSample> imu;
+  std::vector<TimedPose> poses;
+  std::vector<LidarScan> scans;
+};
+
+Recording Record(const SequenceOptions& options) {
+  Sequence sequence(options);
+  Recording all;
+  Chunk chunk;
+  const auto append = [](auto& from, auto* to) { to->insert(to->end(), from.begin(), from.end()); };
+  while (sequence.Next(&chunk)) {
+    append(chunk.events, &all.events);
+    append(chunk.depth, &all.depth);
+    append(chunk.frames, &all.frames);
+    append(chunk.imu, &all.imu);
+    append(chunk.poses, &all.poses);
+    append(chunk.scans, &all.scans);
+  }
+  return all;
+}
+
+bool Same(const Recording& a, const Recording& b) {
+  if (a.events.size() != b.events.size() || a.depth.size() != b.depth.size() || a.frames.size() != b.frames.size())
+    return false;
+  for (std::size_t i = 0; i < a.events.size(); ++i) {
+    const Event &e = a.events[i], &f = b.events[i];
+    if (e.t_ns != f.t_ns || e.x != f.x || e.y != f.y || e.polarity != f.polarity) return false;
+  }
+  for (std::size_t i = 0; i < a.depth.size(); ++i) {
+    if (std::memcmp(a.depth[i].depth_m.data, b.depth[i].depth_m.data, a.depth[i].depth_m.total() * 4) != 0)
+      return false;
+  }
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    if (std::memcmp(a.frames[i].image.data, b.frames[i].image.data, a.frames[i].image.total()) != 0) return false;
+  }
+  return true;
+}
+
+TEST(Sequence, IsTheSameWhateverTheNumberOfThreadsAndAnotherWithAnotherSeed) {
+  SequenceOptions options = Small();
+  options.threads = 1;
+  const Recording one = Record(options);
+  options.threads = 3;
+  EXPECT_TRUE(Same(one, Record(options)));
+  options.seed = 2;
+  EXPECT_FALSE(Same(one, Record(options)));
+  EXPECT_GT(one.events.size(), 5000U);
+}
+
+TEST(Sequence, DeliversEverythingInOrderInsideItsChunk) {
+  SequenceOptions options = Small();
+  options.lidar = true;
+  Sequence sequence(options);
+  Chunk chunk;
+  std::int64_t last_ns = sequence.begin_ns();
+  std::size_t depth = 0, frames = 0, imu = 0, poses = 0;
+  while (sequence.Next(&chunk)) {
+    EXPECT_EQ(chunk.begin_ns, last_ns);
+    std::int64_t t = chunk.begin_ns;
+    for (const Event& e : chunk.events) {
+      ASSERT_GE(e.t_ns, t);
+      ASSERT_LE(e.t_ns, chunk.end_ns);
+      ASSERT_LT(e.x, 240);
+      ASSERT_LT(e.y, 180);
+      ASSERT_EQ(e.t_ns % 1000, 0);
+      t = e.t_ns;
+    }
+    for (const auto& d : chunk.depth) EXPECT_TRUE(d.t_ns > chunk.begin_ns && d.t_ns <= chunk.end_ns);
+    for (const auto& p : chunk.poses) EXPECT_TRUE(p.t_ns > chunk.begin_ns && p.t_ns <= chunk.end_ns);
+    depth += chunk.depth.size();
+    frames += chunk.frames.size();
+    imu += chunk.imu.size();
+    poses += chunk.poses.size();
+    last_ns = chunk.end_ns;
+  }
+  EXPECT_EQ(last_ns, sequence.end_ns());
+  EXPECT_EQ(depth, 7U);   // 30 Hz from 20 ms on
+  EXPECT_EQ(frames, 8U);  // 30 Hz, exposed 8 ms from 5 ms on
+  EXPECT_EQ(imu, 50U);
+  EXPECT_EQ(poses, 50U);
+}
+
+TEST(Sequence, HasAlmostNoEventsAtRestInBrightLight) {
+  SequenceOptions options = Small();
+  options.rest_s = 10;
+  options.depth = SequenceOptions::Depth::kNone;
+  const Recording still = Record(options);
+  EXPECT_LT(static_cast<double>(still.events.size()) / (240 * 180 * options.duration_s), 1.0);
+  EXPECT_TRUE(still.depth.empty());
+}
+
+TEST(Sequence, TakesDepthAtTheRateAndWithTheTimeOffsetThatAreSet) {
+  SequenceOptions options = Small();
+  options.depth_rate_hz = 5;
+  options.depth_time_offset_s = 0.01;
+  const Recording late = Record(options);
+  ASSERT_EQ(late.depth.size(), 2U);
+  EXPECT_EQ(late.depth[1].t_ns - late.depth[0].t_ns, 200000000);
+  options.depth_time_offset_s = 0;
+  const Recording right = Record(options);
+  EXPECT_EQ(late.depth[1].t_ns - right.depth[1].t_ns, 10000000);
+  EXPECT_EQ(std::memcmp(late.depth[1].depth_m.data, right.depth[1].depth_m.data, 640 * 576 * 4), 0);
+}
+
+TEST(Sequence, GivesFewerEventsAndMoreNoiseWithLessLight) {
+  SequenceOptions options = Small();
+  options.depth = SequenceOptions::Depth::kNone;
+  options.frames = false;
+  const std::size_t bright = Record(options).events.size();
+  options.light = "dark";
+  const std::size_t dark = Record(options).events.size();
+  EXPECT_LT(dark, bright);
+  options.rest_s = 10;
+  const std::size_t noise = Record(options).events.size();
+  options.light = "bright";
+  EXPECT_GT(noise, Record(options).events.size());
+}
+
+TEST(Sequence, FollowsTheTrajectoryOfATumFile) {
+  const Trajectory motion = RandomTrajectory(MakeScene("table").motion, LimitsOf("slow"), 1, 9);
+  const std::string path = testing::TempDir() + "/motion.tum";
+  std::ofstream file(path);
+  file.precision(12);
+  for (int i = 0; i <= 50; ++i) {
+    const Rigid3 T = motion.PoseAt(0.02 * i);
+    const Eigen::Quaterniond q = T.rotation();
+    file << 5 + 0.02 * i << ' ' << T.translation().transpose() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' '
+         << q.w() << '\n';
+  }
+  file.close();
+  SequenceOptions options = Small();
+  options.trajectory_file = path;
+  options.rest_s = 0;
+  options.depth = SequenceOptions::Depth::kNone;
+  options.frames = false;
+  for (const TimedPose& pose : Record(options).poses) {
+    const Rigid3 expected = motion.PoseAt(1e-9 * static_cast<double>(pose.t_ns) - options.start_s);
+    EXPECT_LT(Log(expected.inverse() * pose.T_world_event).norm(), 1e-4);
+  }
+}
+
+TEST(Sequence, NamesTheOptionThatItCannotUse) {
+  const auto message = [](SequenceOptions o) -> std::string {
+    try {
+      Sequence sequence(o);
+    } catch (const std::exception& e) {
+      return e.what();
+    }
+    return "";
+  };
+  SequenceOptions o = Small();
+  o.scene = "kitchen";
+  EXPECT_NE(message(o).find("kitchen"), std::string::npos);
+  o = Small();
+  o.light = "neon";
+  EXPECT_NE(message(o).find("neon"), std::string::npos);
+  o = Small();
+  o.sensor = "gen9";
+  EXPECT_NE(message(o).find("gen9"), std::string::npos);
+  o = Small();
+  o.speed = "warp";
+  EXPECT_NE(message(o).find("warp"), std::string::npos);
+  o = Small();
+  o.duration_s = 0;
+  EXPECT_NE(message(o).find("duration"), std::string::npos);
+  o = Small();
+  o.trajectory_file = "/nowhere/poses.txt";
+  EXPECT_NE(message(o).find("/nowhere/poses.txt"), std::string::npos);
+}
+
+TEST(LoadScene, ReadsTheExample) {
+  const Scene scene = LoadScene(DEVO_SOURCE_DIR "/config/sim/example_scene.yaml");
+  EXPECT_EQ(scene.name, "example");
+  EXPECT_GT(scene.surfaces().size(), 10U);
+  EXPECT_FALSE(scene.lamps.empty());
+}
+
+TEST(LoadScene, NamesTheKeyThatItDoesNotKnowAndTheMaterialThatIsMissing) {
+  const auto message = [](const std::string& yaml) -> std::string {
+    const std::string path = testing::TempDir() + "/scene.yaml";
+    std::ofstream(path) << yaml;
+    try {
+      LoadScene(path);
+    } catch (const std::invalid_argument& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_NE(message("spheres: []").find("spheres"), std::string::npos);
+  EXPECT_NE(message("boxes: [{position: [0, 0, 0], size: [1, 1, 1], material: gold}]").find("gold"), std::string::npos);
+  EXPECT_NE(message("materials: [{name: a, texture: velvet}]").find("velvet"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace devo::sim

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tools/tiny_bag.h"
+
+namespace devo {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class DevoValidateBag : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    bag_ = ::testing::TempDir() + "devo_validate_bag_test_" + std::to_string(getpid()) + ".bag";
+    config_ =
+        " --set topics.event_camera_info=/event_info topics.depth=/depth topics.depth_camera_info=/depth_info"
+        " topics.ground_truth=/truth";
+  }
+  void TearDown() override { std::remove(bag_.c_str()); }
+  ProgramResult Run(const std::string& more = "") { return RunProgram("devo_validate_bag", bag_ + more); }
+
+  std::string bag_, config_;
+};
+
+TEST_F(DevoValidateBag, DescribesAGoodRecording) {
+  TinyRecording().Write(bag_);
+  const ProgramResult result = Run(config_);
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("20 images 240x180 16UC1"), HasSubstr("median depth from 1.00 to 1.00 m"),
+                                HasSubstr("event camera 240x180, f 200.0"), HasSubstr("events and depth overlap"),
+                                HasSubstr("The odometry can use this recording.")));
+  EXPECT_THAT(result.out, Not(HasSubstr("PROBLEM")));
+}
+
+TEST_F(DevoValidateBag, FindsTopicsByTheirTypeAndProposesAYaml) {
+  TinyRecording().Write(bag_);
+  const ProgramResult result = Run();
+  EXPECT_THAT(result.out, AllOf(HasSubstr("  events: /events\n"), HasSubstr("  depth: /depth\n"),
+                                HasSubstr("ground_truth: \"/truth\"")));
+}
+
+TEST_F(DevoValidateBag, SaysWhatToChange) {
+  TinyRecording recording;
+  recording.transforms.clear();
+  for (auto& image : recording.depth) image.encoding = "mono16";
+  recording.Write(bag_);
+  ProgramResult result = Run(config_);
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.out, HasSubstr("PROBLEM: topic '/depth': depth image has encoding 'mono16', expected 16UC1"));
+  result = Run(config_ + " topics.events=/nothing");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.out, HasSubstr("PROBLEM: topic '/nothing' (key 'topics.events') is in none of the bags"));
+  for (auto& image : recording.depth) image.encoding = "16UC1";
+  recording.Write(bag_);
+  EXPECT_THAT(Run(config_).out,
+              HasSubstr("PROBLEM: no extrinsics from frame 'depth_optical' to frame 'event_optical'"));
+}
+
+TEST_F(DevoValidateBag, SaysThatTheClocksDiffer) {
+  TinyRecording recording;
+  for (auto& image : recording.depth) image.header.stamp += ros::Duration(50);
+  recording.Write(bag_);
+  const ProgramResult result = Run(config_);
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.out, AllOf(HasSubstr("do not overlap in time: their clocks differ by about -50."),
+                                HasSubstr("'depth_time_offset_s'")));
+}
+
+TEST_F(DevoValidateBag, SaysThatTheCalibrationIsAnotherCameras) {
+  TinyRecording recording;
+  recording.event_info[0].width = 100;
+  recording.Write(bag_);
+  EXPECT_THAT(Run(config_).out, HasSubstr("outside the event camera's 100x180"));
+}
+
+TEST_F(DevoValidateBag, RefusesWhatIsNoBag) {
+  const ProgramResult missing = Run();
+  EXPECT_EQ(missing.status, 2);
+  EXPECT_THAT(missing.err, HasSubstr("cannot be opened"));
+}
+
+}  // namespace
+}  // namespace devo

@@ -26,7 +26,7 @@ debian=(
   python3-roslaunch python3-rosnode python3-rosparam python3-rospy python3-rosservice python3-rostest
   python3-rostopic python3-sensor-msgs python3-std-msgs python3-std-srvs python3-tf2-msgs python3-tf2-ros
   ros-diagnostic-msgs ros-environment ros-geometry-msgs ros-message-generation ros-message-runtime ros-nav-msgs
-  ros-rosgraph-msgs ros-sensor-msgs ros-std-msgs ros-std-srvs ros-tf2-msgs rosbash rosout rospack-tools rviz)
+  ros-rosgraph-msgs ros-sensor-msgs ros-std-msgs ros-std-srvs ros-tf2-msgs rosbash rosout rospack-tools rviz tf2-tools)
 debian_lint=(catkin-lint)
 
 # Ubuntu 20.04 has it under /opt/ros/noetic, from the archive of ROS, which has to be known to apt.

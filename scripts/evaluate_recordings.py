@@ -78,11 +78,12 @@ def row(job, status, report, message):
     (name, _, _), rate, (variant, _) = job
     head = f'| {name} | {rate} | {variant} | '
     if not report:
-        return head + f'failed: {message} |' + ' |' * 10
+        return head + f'failed: {message} |' + ' |' * 11
     e = report.get('evaluation') or {}
     cells = [number(e.get('ate_rmse_m') and 100 * e['ate_rmse_m'], 2), number(e.get('drift_percent'), 2),
              number(e.get('rpe_rotation_rmse_deg'), 2), number(e.get('rpe_translation_rmse_cm'), 2),
              number(e.get('final_rotation_deg'), 2), number(e.get('final_translation_m') and 100 * e['final_translation_m'], 2),
+             number(e.get('nees'), 2),
              str(len(report['lost_intervals'])) if report['poses'] else 'no pose', f"{100 * report['coverage']:.1f}",
              str(report['references']), number(report['real_time_factor'], 1),
              number(report['cpu_s'] / max(1e-9, report['end_s'] - report['begin_s']), 2)]
@@ -115,9 +116,9 @@ def main():
             recordings.append(recording)
     out = arguments.out or tempfile.mkdtemp(prefix='devo_evaluation_')
     jobs = [(recording, rate, variant) for recording in recordings for rate in arguments.depth_rate for variant in variants]
-    print('| recording | depth Hz | variant | ATE cm | % of path | RPE deg | RPE cm | final deg | final cm | lost | '
+    print('| recording | depth Hz | variant | ATE cm | % of path | RPE deg | RPE cm | final deg | final cm | NEES | lost | '
           'coverage % | references | x real time | CPU s/s |')
-    print('|' + '---|' * 14)
+    print('|' + '---|' * 15)
     failed = 0
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         for result in pool.map(lambda job: run(program, arguments.data, out, job), jobs):

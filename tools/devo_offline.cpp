@@ -10,6 +10,7 @@
 #include <ctime>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -19,6 +20,7 @@
 
 #include "devo/core/odometry.h"
 #include "devo/core/time.h"
+#include "devo/io/disturbance.h"
 #include "devo/io/point_cloud_file.h"
 #include "devo/io/rig_config.h"
 #include "devo/io/run_report.h"
@@ -33,6 +35,7 @@ struct Arguments {
   devo::BagRange range;
   double depth_rate_hz = 0;
   int threads = 2;
+  devo::DisturbanceOptions disturbance;
 };
 
 /// A bar on a terminal, plain lines elsewhere; on standard error, so that it never mixes with results.
@@ -91,6 +94,9 @@ class Run {
         reader_(arguments.bags, config_, arguments.range), rig_(reader_.ReadRig()), odometry_(rig_, config_.odometry),
         report_(config_.odometry.surface.rate_hz), thinning_(arguments.depth_rate_hz) {
     if (!arguments.ground_truth.empty()) truth_ = devo::ReadTum(arguments.ground_truth);
+    if (arguments.disturbance.any()) {
+      disturbance_.emplace(arguments.disturbance, rig_.event_camera.width(), rig_.event_camera.height());
+    }
     odometry_.on_pose = [this](const devo::PoseEstimate& pose, const devo::Surface&) { report_.AddPose(pose); };
   }
 
@@ -136,7 +142,7 @@ class Run {
   void Take(const devo::EventSlice& slice) {
     if (report_.begin_ns == 0) report_.begin_ns = slice.events.begin()->t_ns;
     report_.end_ns = std::max(report_.end_ns, slice.events.end()[-1].t_ns);
-    odometry_.AddEvents(slice.events);
+    odometry_.AddEvents(disturbance_ ? disturbance_->Apply(slice.events) : slice.events);
   }
   void Take(const devo::DepthImage& depth) {
     if (depth.depth_m.cols != rig_.depth_camera.width() || depth.depth_m.rows != rig_.depth_camera.height()) {
@@ -146,6 +152,7 @@ class Run {
           ", expected " + size(rig_.depth_camera.width(), rig_.depth_camera.height()) +
           (rig_.depth_registered ? " as the event camera (registered: true)" : " as its calibration"));
     }
+    if (disturbance_ && disturbance_->LosesDepth(depth.t_ns)) return;
     if (thinning_.Keep(depth.t_ns)) {
       odometry_.AddDepth(depth);
     } else {
@@ -202,7 +209,7 @@ class Run {
       for (devo::StampedPose& pose : truth_) pose.T_world_body = pose.T_world_body * *config_.T_body_event;
     }
     try {
-      report_.evaluation = devo::Evaluate(truth_, report_.trajectory());
+      report_.evaluation = devo::Evaluate(truth_, report_.trajectory(), {}, report_.covariances());
     } catch (const std::runtime_error& e) {
       report_.warnings.emplace_back(e.what());
     }
@@ -215,6 +222,7 @@ class Run {
   devo::Odometry odometry_;
   devo::RunReport report_;
   DepthThinning thinning_;
+  std::optional<devo::Disturbance> disturbance_;
   devo::Trajectory truth_;
 };
 
@@ -261,6 +269,19 @@ int main(int argc, char** argv) {
   app.add_option("--threads", arguments.threads, "1: read and compute in turn, else at once; same result")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
+  app.add_option_function<std::vector<std::string>>(
+      "--disturb",
+      [&](const std::vector<std::string>& texts) {
+        for (const std::string& text : texts) {
+          try {
+            arguments.disturbance.Add(text);
+          } catch (const std::invalid_argument& e) {
+            throw CLI::ValidationError(e.what());
+          }
+        }
+      },
+      "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO (s), "
+      "event_loss=SHARE, hot_pixels=SHARE");
   app.add_flag("--print-parameters", print_parameters, "print docs/parameters.md and exit");
   try {
     app.parse(argc, argv);

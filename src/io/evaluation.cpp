@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 #include <nlohmann/json.hpp>
 
@@ -20,6 +21,7 @@ constexpr double kDegreesPerRadian = 180.0 / 3.14159265358979323846;
 struct Pair {
   std::int64_t t_ns;
   Rigid3 truth, estimate;
+  const Matrix6d* covariance;  // of the estimate; null: not given
 };
 
 std::string Span(const char* name, const Trajectory& trajectory) {
@@ -30,11 +32,14 @@ std::string Span(const char* name, const Trajectory& trajectory) {
   return text;
 }
 
-std::vector<Pair> Associate(const Trajectory& truth, const Trajectory& estimate, double max_gap_s) {
+std::vector<Pair> Associate(const Trajectory& truth, const Trajectory& estimate,
+                            const std::vector<Matrix6d>& covariances, double max_gap_s) {
   std::vector<Pair> pairs;
-  for (const StampedPose& pose : estimate) {
+  for (std::size_t i = 0; i < estimate.size(); ++i) {
+    const StampedPose& pose = estimate[i];
     const auto truth_pose = PoseAt(truth, pose.t_ns, NsFromSeconds(max_gap_s));
-    if (truth_pose) pairs.push_back({pose.t_ns, *truth_pose, pose.T_world_body});
+    if (!truth_pose) continue;
+    pairs.push_back({pose.t_ns, *truth_pose, pose.T_world_body, covariances.empty() ? nullptr : &covariances[i]});
   }
   return pairs;
 }
@@ -42,6 +47,34 @@ std::vector<Pair> Associate(const Trajectory& truth, const Trajectory& estimate,
 /// (Q_i^-1 Q_j)^-1 (P_i^-1 P_j): Q ground truth, P estimate.
 Rigid3 RelativeError(const Pair& i, const Pair& j) {
   return (i.truth.inverse() * j.truth).inverse() * (i.estimate.inverse() * j.estimate);
+}
+
+/// e' C^-1 e / 6 of a relative error. With P = P_mean Exp(xi), P_i^-1 P_j = Z Exp(xi_j - Ad(Z^-1) xi_i) to first order.
+double NormalisedErrorSquared(const Pair& i, const Pair& j) {
+  const Matrix6d A = Adjoint((i.estimate.inverse() * j.estimate).inverse());
+  const Matrix6d C = *j.covariance + A * *i.covariance * A.transpose();
+  const Vector6d error = Log(RelativeError(i, j));
+  return error.dot(C.ldlt().solve(error)) / 6;
+}
+
+void AddStandstills(const std::vector<Pair>& pairs, Evaluation* result) {
+  for (std::size_t begin = 0, end; begin < pairs.size(); begin = end + 1) {
+    for (end = begin; end + 1 < pairs.size(); ++end) {
+      const double dt_s = SecondsFromNs(pairs[end + 1].t_ns - pairs[end].t_ns);
+      const Rigid3 step = pairs[end].truth.inverse() * pairs[end + 1].truth;
+      if (step.translation().norm() > kStill_m_s * dt_s ||
+          RotationAngle(step) * kDegreesPerRadian > kStill_deg_s * dt_s)
+        break;
+    }
+    const double span_s = SecondsFromNs(pairs[end].t_ns - pairs[begin].t_ns);
+    if (span_s < kStill_s) continue;
+    result->still_s += span_s;
+    for (std::size_t i = begin; i <= end; ++i) {
+      const Rigid3 drift = RelativeError(pairs[begin], pairs[i]);
+      result->still_drift_m = std::max(result->still_drift_m, drift.translation().norm());
+      result->still_drift_deg = std::max(result->still_drift_deg, RotationAngle(drift) * kDegreesPerRadian);
+    }
+  }
 }
 
 void AddAbsoluteError(const std::vector<Pair>& pairs, Evaluation* result) {
@@ -71,7 +104,7 @@ void AddAbsoluteError(const std::vector<Pair>& pairs, Evaluation* result) {
 void AddRelativeError(const std::vector<Pair>& pairs, const EvaluationOptions& options, Evaluation* result) {
   const std::int64_t interval_ns = NsFromSeconds(options.rpe_interval_s);
   const std::int64_t tolerance_ns = NsFromSeconds(options.max_gap_s) / 2;
-  double rotation = 0, translation = 0;
+  double rotation = 0, translation = 0, nees = 0;
   for (const Pair& i : pairs) {
     const std::int64_t t_ns = i.t_ns + interval_ns;
     auto j =
@@ -82,6 +115,7 @@ void AddRelativeError(const std::vector<Pair>& pairs, const EvaluationOptions& o
     const Rigid3 error = RelativeError(i, *j);
     rotation += std::pow(RotationAngle(error), 2);
     translation += error.translation().squaredNorm();
+    if (i.covariance) nees += NormalisedErrorSquared(i, *j);
     ++result->rpe_pairs;
   }
   const Rigid3 whole = RelativeError(pairs.front(), pairs.back());
@@ -91,6 +125,7 @@ void AddRelativeError(const std::vector<Pair>& pairs, const EvaluationOptions& o
   const auto n = static_cast<double>(result->rpe_pairs);
   result->rpe_rotation_rmse_deg = std::sqrt(rotation / n) * kDegreesPerRadian;
   result->rpe_translation_rmse_cm = std::sqrt(translation / n) * 100;
+  result->nees = nees / n;
 }
 
 double Coverage(const Trajectory& truth, const std::vector<Pair>& pairs, double max_gap_s) {
@@ -116,8 +151,13 @@ Rigid3 AlignPoints(const Eigen::Matrix3Xd& truth, const Eigen::Matrix3Xd& estima
   return {Eigen::Quaterniond(R), truth_mean - R * estimate_mean};
 }
 
-Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const EvaluationOptions& options) {
-  const std::vector<Pair> pairs = Associate(truth, estimate, options.max_gap_s);
+Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const EvaluationOptions& options,
+                    const std::vector<Matrix6d>& covariances) {
+  if (!covariances.empty() && covariances.size() != estimate.size()) {
+    throw std::invalid_argument("evaluation: " + std::to_string(covariances.size()) + " covariances, expected one for each of " +
+                                std::to_string(estimate.size()) + " poses");
+  }
+  const std::vector<Pair> pairs = Associate(truth, estimate, covariances, options.max_gap_s);
   if (pairs.size() < 3) {
     throw std::runtime_error("evaluation: only " + std::to_string(pairs.size()) +
                              " poses have ground truth, expected at least 3; " + Span("ground truth", truth) + ", " +
@@ -127,6 +167,7 @@ Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const E
   result.pairs = pairs.size();
   AddAbsoluteError(pairs, &result);
   AddRelativeError(pairs, options, &result);
+  AddStandstills(pairs, &result);
   result.coverage = Coverage(truth, pairs, options.max_gap_s);
   return result;
 }
@@ -142,6 +183,10 @@ std::string ToJson(const Evaluation& e) {
   // null, not zero: a recording shorter than the interval has no relative error.
   json["rpe_rotation_rmse_deg"] = e.rpe_pairs > 0 ? nlohmann::json(e.rpe_rotation_rmse_deg) : nullptr;
   json["rpe_translation_rmse_cm"] = e.rpe_pairs > 0 ? nlohmann::json(e.rpe_translation_rmse_cm) : nullptr;
+  json["nees"] = e.nees > 0 ? nlohmann::json(e.nees) : nullptr;
+  json["still_s"] = e.still_s;
+  json["still_drift_m"] = e.still_s > 0 ? nlohmann::json(e.still_drift_m) : nullptr;
+  json["still_drift_deg"] = e.still_s > 0 ? nlohmann::json(e.still_drift_deg) : nullptr;
   json["final_rotation_deg"] = e.final_rotation_deg;
   json["final_translation_m"] = e.final_translation_m;
   json["max_step_m"] = e.max_step_m;

@@ -42,7 +42,9 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   if (lost && !lost_now_) lost_.push_back({estimate.t_ns, estimate.t_ns});
   if (lost || lost_now_) lost_.back().end_ns = estimate.t_ns;
   lost_now_ = lost;
-  if (!lost) trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
+  if (lost) return;
+  trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
+  covariances_.push_back(estimate.covariance_event);
 }
 
 double RunReport::Coverage(std::int64_t end) const {

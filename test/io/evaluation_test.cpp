@@ -2,7 +2,9 @@
 #include "devo/io/evaluation.h"
 
 #include <cmath>
+#include <random>
 #include <stdexcept>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,6 +45,34 @@ TEST(Evaluation, FindsNoErrorInARigidlyMovedTruth) {
   EXPECT_LT(e.rpe_translation_rmse_cm, 1e-7);
   EXPECT_NEAR(e.coverage, 1, 1e-9);
   EXPECT_LT((e.T_truth_estimate.matrix() - T_other_world.inverse().matrix()).norm(), 1e-9);
+}
+
+TEST(Evaluation, FindsCovariancesHonestThatTheErrorsWereDrawnFrom) {
+  const Trajectory truth = Sample(0, 40, 0.01, TruthAt);
+  Vector6d sigma;
+  sigma << 0.002, 0.001, 0.003, 0.001, 0.002, 0.001;
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  Trajectory estimate = truth;
+  for (StampedPose& pose : estimate) {
+    Vector6d xi;
+    for (int k = 0; k < 6; ++k) xi[k] = sigma[k] * normal(random);
+    pose.T_world_body = pose.T_world_body * Exp(xi);
+  }
+  const Matrix6d C = sigma.cwiseAbs2().asDiagonal();
+  EXPECT_NEAR(Evaluate(truth, estimate, {}, std::vector<Matrix6d>(estimate.size(), C)).nees, 1, 0.05);
+  EXPECT_NEAR(Evaluate(truth, estimate, {}, std::vector<Matrix6d>(estimate.size(), 4 * C)).nees, 0.25, 0.02);
+  EXPECT_THAT([&] { Evaluate(truth, estimate, {}, {C}); },
+              ThrowsMessage<std::invalid_argument>(HasSubstr("one for each")));
+}
+
+TEST(Evaluation, MeasuresTheDriftWithinAStandstillOnly) {
+  const auto stops = [](double t) { return Rigid3::Translation({std::min(t, 1.0) + std::max(t - 3, 0.0), 0, 0}); };
+  const auto creeps = [&](double t) { return stops(t) * Rigid3::Translation({0, 0.001 * t, 0}); };
+  const Evaluation e = Evaluate(Sample(0, 4, 0.01, stops), Sample(0, 4, 0.01, creeps));
+  EXPECT_NEAR(e.still_s, 2, 0.03);
+  EXPECT_NEAR(e.still_drift_m, 0.002, 3e-5);
+  EXPECT_NEAR(e.still_drift_deg, 0, 1e-9);
 }
 
 TEST(Evaluation, CountsScaleAsError) {

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "devo/io/trajectory.h"
 
@@ -25,6 +26,11 @@ struct Evaluation {
   double rpe_translation_rmse_cm = 0;
   double final_rotation_deg = 0;  ///< of the relative motion from the first to the last pair
   double final_translation_m = 0;
+  /// Mean of e' C^-1 e / 6 over the relative errors e, with C from the covariances of both poses taken as independent;
+  /// about 1 where they are honest, below where they are cautious. Zero without covariances.
+  double nees = 0;
+  /// Largest motion of the estimate within a standstill of the truth, and the standstills' time; see kStill_*.
+  double still_drift_m = 0, still_drift_deg = 0, still_s = 0;
   double max_step_m = 0;     ///< largest change of the position error between consecutive estimates (jumps)
   double coverage = 0;       ///< share of the ground truth's span that the estimate covers without gaps, 0..1
   double path_length_m = 0;  ///< of the ground truth at the pairs
@@ -32,9 +38,14 @@ struct Evaluation {
   Rigid3 T_truth_estimate;   ///< the alignment
 };
 
+/// A standstill: slower than this for at least half a second.
+constexpr double kStill_m_s = 2e-3, kStill_deg_s = 0.1, kStill_s = 0.5;
+
 /// Associates by interpolating `truth` at the estimate's stamps. Throws std::runtime_error naming the spans of both
-/// when fewer than three poses have ground truth.
-Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const EvaluationOptions& options = {});
+/// when fewer than three poses have ground truth. `covariances`: of a right perturbation [rho; phi] (m, rad) of each
+/// pose of `estimate`, or empty.
+Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const EvaluationOptions& options = {},
+                    const std::vector<Matrix6d>& covariances = {});
 
 /// Rigid transformation T minimising sum |truth_i - T estimate_i|^2 (Umeyama 1991 without scale). 3 x n each, n >= 1.
 Rigid3 AlignPoints(const Eigen::Matrix3Xd& truth, const Eigen::Matrix3Xd& estimate);

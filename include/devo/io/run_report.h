@@ -22,6 +22,8 @@ class RunReport {
 
   /// Poses registered to the map, wholly or partly (not the initial ones, nor those extrapolated while lost).
   const Trajectory& trajectory() const { return trajectory_; }
+  /// Of a right perturbation [rho; phi] (m, rad) of each of them.
+  const std::vector<Matrix6d>& covariances() const { return covariances_; }
 
   struct Interval {
     std::int64_t begin_ns, end_ns;
@@ -53,6 +55,7 @@ class RunReport {
  private:
   double rate_hz_;
   Trajectory trajectory_;
+  std::vector<Matrix6d> covariances_;
   std::vector<Interval> lost_;
   bool lost_now_ = false;
   std::optional<std::int64_t> first_reference_ns_;

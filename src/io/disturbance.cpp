@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/io/disturbance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+constexpr double kHotPixelRate_hz = 100;
+
+double NumberIn(const std::string& number, const std::string& text, const char* expected) {
+  std::size_t read = 0;
+  double value = 0;
+  try {
+    value = std::stod(number, &read);
+  } catch (const std::logic_error&) {
+    read = 0;
+  }
+  if (read == 0 || read != number.size() || !(value >= 0) || !std::isfinite(value)) {
+    throw std::invalid_argument("disturbance '" + text + "': expected " + expected);
+  }
+  return value;
+}
+
+}  // namespace
+
+void DisturbanceOptions::Add(const std::string& text) {
+  const auto equals = text.find('=');
+  const std::string key = text.substr(0, equals), value = equals == std::string::npos ? "" : text.substr(equals + 1);
+  if (key == "event_gap" || key == "depth_gap") {
+    constexpr const char* kExpected = "FROM:TO in seconds, FROM below TO";
+    const auto colon = value.find(':');
+    const Span span{NumberIn(value.substr(0, colon), text, kExpected),
+                    NumberIn(colon == std::string::npos ? "" : value.substr(colon + 1), text, kExpected)};
+    if (span.begin_s >= span.end_s) throw std::invalid_argument("disturbance '" + text + "': expected " + kExpected);
+    (key == "event_gap" ? event_gaps : depth_gaps).push_back(span);
+    return;
+  }
+  if (key != "event_loss" && key != "hot_pixels") {
+    throw std::invalid_argument("disturbance '" + text +
+                                "': expected event_gap=FROM:TO, depth_gap=FROM:TO, event_loss=SHARE or hot_pixels=SHARE");
+  }
+  constexpr const char* kExpected = "a share from 0 to 1";
+  const double share = NumberIn(value, text, kExpected);
+  if (share > 1) throw std::invalid_argument("disturbance '" + text + "': expected " + kExpected);
+  (key == "event_loss" ? event_loss : hot_pixel_share) = share;
+}
+
+Disturbance::Disturbance(const DisturbanceOptions& options, int width, int height)
+    : options_(options), width_(static_cast<std::uint32_t>(width)) {
+  const auto pixels = static_cast<std::uint32_t>(width) * static_cast<std::uint32_t>(height);
+  for (std::uint32_t pixel = 0; pixel < pixels && options.hot_pixel_share > 0; ++pixel) {
+    if (Uniform() < options.hot_pixel_share) hot_pixels_.push_back(pixel);
+  }
+}
+
+bool Disturbance::In(const std::vector<DisturbanceOptions::Span>& spans, double t_s) {
+  return std::any_of(spans.begin(), spans.end(), [&](const auto& s) { return t_s >= s.begin_s && t_s < s.end_s; });
+}
+
+bool Disturbance::LosesDepth(std::int64_t t_ns) const {
+  return begin_ns_ >= 0 && In(options_.depth_gaps, SecondsFromNs(t_ns - begin_ns_));
+}
+
+Event Disturbance::NextHotEvent() {
+  const double rate_hz = kHotPixelRate_hz * static_cast<double>(hot_pixels_.size());
+  const std::int64_t t_ns = hot_.t_ns + NsFromSeconds(-std::log(1 - Uniform()) / rate_hz);
+  const auto chosen = static_cast<std::size_t>(Uniform() * static_cast<double>(hot_pixels_.size()));
+  const std::uint32_t pixel = hot_pixels_[chosen];
+  return {t_ns, static_cast<std::uint16_t>(pixel % width_), static_cast<std::uint16_t>(pixel / width_),
+          static_cast<std::uint8_t>(Uniform() < 0.5)};
+}
+
+EventSpan Disturbance::Apply(EventSpan events) {
+  out_.clear();
+  if (events.empty()) return out_;
+  if (begin_ns_ < 0) {
+    begin_ns_ = hot_.t_ns = events.begin()->t_ns;
+    if (!hot_pixels_.empty()) hot_ = NextHotEvent();
+  }
+  for (const Event& event : events) {
+    while (!hot_pixels_.empty() && hot_.t_ns <= event.t_ns) {
+      if (!In(options_.event_gaps, SecondsFromNs(hot_.t_ns - begin_ns_))) out_.push_back(hot_);
+      hot_ = NextHotEvent();
+    }
+    if (options_.event_loss > 0 && Uniform() < options_.event_loss) continue;
+    if (!In(options_.event_gaps, SecondsFromNs(event.t_ns - begin_ns_))) out_.push_back(event);
+  }
+  return out_;
+}
+
+}  // namespace devo

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/io/disturbance.h"
+
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "throws_message.h"
+
+namespace devo {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// One second of events, one each 10 us, at one pixel.
+std::vector<Event> OneSecond() {
+  std::vector<Event> events(100000);
+  for (std::size_t i = 0; i < events.size(); ++i) events[i] = {5000000000LL + 10000LL * static_cast<std::int64_t>(i), 3, 2, 1};
+  return events;
+}
+
+std::vector<Event> Disturbed(const std::string& text) {
+  DisturbanceOptions options;
+  options.Add(text);
+  Disturbance disturbance(options, 100, 80);
+  const std::vector<Event> events = OneSecond();
+  std::vector<Event> out;
+  for (std::size_t i = 0; i < events.size(); i += 1000) {
+    const EventSpan left = disturbance.Apply({events.data() + i, 1000});
+    out.insert(out.end(), left.begin(), left.end());
+  }
+  return out;
+}
+
+TEST(Disturbance, LosesTheAskedShareOfTheEvents) { EXPECT_NEAR(Disturbed("event_loss=0.3").size(), 70000, 700); }
+
+TEST(Disturbance, LeavesNoEventInAGapAndAllOthers) {
+  const auto events = Disturbed("event_gap=0.2:0.5");
+  EXPECT_EQ(events.size(), 70000U);
+  for (const Event& event : events) {
+    const double t_s = 1e-9 * static_cast<double>(event.t_ns - 5000000000LL);
+    EXPECT_TRUE(t_s < 0.2 || t_s >= 0.5) << t_s;
+  }
+}
+
+TEST(Disturbance, AddsHotPixelsInTheOrderOfTime) {
+  const auto events = Disturbed("hot_pixels=0.01");
+  std::set<std::pair<int, int>> pixels;
+  std::size_t hot = 0;
+  for (const Event& event : events) {
+    if (event.x == 3 && event.y == 2) continue;
+    ++hot;
+    pixels.insert({event.x, event.y});
+    EXPECT_LT(event.x, 100);
+    EXPECT_LT(event.y, 80);
+  }
+  EXPECT_NEAR(pixels.size(), 80, 30);  // 1 % of 8000
+  EXPECT_NEAR(hot, 100.0 * pixels.size(), 400);
+  EXPECT_TRUE(std::is_sorted(events.begin(), events.end(),
+                             [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+}
+
+TEST(Disturbance, LosesTheDepthOfAGapCountedFromTheFirstEvent) {
+  DisturbanceOptions options;
+  options.Add("depth_gap=1:4");
+  Disturbance disturbance(options, 100, 80);
+  EXPECT_FALSE(disturbance.LosesDepth(0));
+  const std::vector<Event> events = OneSecond();
+  disturbance.Apply(events);
+  EXPECT_FALSE(disturbance.LosesDepth(5999000000LL));
+  EXPECT_TRUE(disturbance.LosesDepth(6000000000LL));
+  EXPECT_TRUE(disturbance.LosesDepth(8999000000LL));
+  EXPECT_FALSE(disturbance.LosesDepth(9000000000LL));
+}
+
+TEST(Disturbance, RefusesWhatItDoesNotKnow) {
+  DisturbanceOptions options;
+  EXPECT_THAT([&] { options.Add("rain=0.3"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("rain=0.3")));
+  EXPECT_THAT([&] { options.Add("event_loss=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("from 0 to 1")));
+  EXPECT_THAT([&] { options.Add("event_gap=2:1"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("FROM below TO")));
+  EXPECT_THAT([&] { options.Add("depth_gap=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("FROM:TO")));
+  EXPECT_FALSE(options.any());
+}
+
+}  // namespace
+}  // namespace devo

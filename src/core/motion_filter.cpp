@@ -20,6 +20,18 @@ constexpr double kStartSigma_m = 1e-3, kStartSigma_rad = 1e-3;
 constexpr double kStartSpeed_m_s = 0.5, kStartTurn_rad_s = 0.5;
 constexpr double kStillSpeed_m_s = 0.01, kStillTurn_rad_s = 0.01;
 
+// Consumer parts: bias up to degrees per second when cold, and a mounting known to a degree.
+constexpr double kGravity_m_s2 = 9.81;
+constexpr double kGyroscopeBias_rad_s = 0.05, kGyroscopeSigma_rad_s = 0.005, kGyroscopeShare = 0.01;
+constexpr double kAccelerometerBias_m_s2 = 0.2, kAccelerometerSigma_m_s2 = 0.3, kAccelerometerShare = 0.02;
+constexpr double kGyroscopeWalk_rad_s = 5e-4, kAccelerometerWalk_m_s2 = 5e-3;  // in one second
+constexpr double kGravitySigma_m_s2 = 1.0;  // of the first reading: the camera may be moving
+// Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less.
+constexpr double kMaxNormalisedSquare = 16;
+
+// Where things are in the state.
+constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24;
+
 Vector6d Both(double translation, double rotation) {
   Vector6d v;
   v << Eigen::Vector3d::Constant(translation), Eigen::Vector3d::Constant(rotation);
@@ -28,102 +40,211 @@ Vector6d Both(double translation, double rotation) {
 
 }  // namespace
 
+void MotionFilter::Reset() {
+  started_ = false;
+  gravity_world_.setZero();
+  gyroscope_bias_.setZero();
+  accelerometer_bias_.setZero();
+}
+
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event) {
+  if (!started_) {
+    P_.setZero();
+    P_.diagonal().segment<3>(kGyroBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
+    P_.diagonal().segment<3>(kAccBias).setConstant(std::pow(kAccelerometerBias_m_s2, 2));
+  }
   started_ = true;
   t_ns_ = t_ns;
   T_world_event_ = T_world_event;
   velocity_.setZero();
   acceleration_.setZero();
-  P_.setZero();
-  P_.diagonal() << Both(kStartSigma_m, kStartSigma_rad).cwiseAbs2(),
-      Both(kStartSpeed_m_s, kStartTurn_rad_s).cwiseAbs2(),
-      Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
+  P_.topRows<6>().setZero();
+  P_.leftCols<6>().setZero();
+  P_.diagonal().head<6>() = Both(kStartSigma_m, kStartSigma_rad).cwiseAbs2();
+  SetMotion(Both(kStartSpeed_m_s, kStartTurn_rad_s));
 }
 
-void MotionFilter::Propagate(double dt_s, Rigid3* T, Vector6d* velocity, Vector6d* acceleration, Matrix18d* P) const {
+void MotionFilter::SetMotion(const Vector6d& sigma_velocity) {
+  P_.middleRows<12>(kV).setZero();
+  P_.middleCols<12>(kV).setZero();
+  P_.diagonal().segment<6>(kV) = sigma_velocity.cwiseAbs2();
+  P_.diagonal().segment<6>(kA) = Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
+}
+
+MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
   const double fade = std::exp(-dt_s / kManeuver_s);
-  const Vector6d step = *velocity * dt_s + *acceleration * (0.5 * dt_s * dt_s);
-  Matrix18d F = Matrix18d::Identity();
+  const Vector6d step = velocity_ * dt_s + acceleration_ * (0.5 * dt_s * dt_s);
+  Matrix F = Matrix::Identity();
   F.block<6, 6>(0, 0) = Adjoint(Exp(-step));
-  F.block<6, 6>(0, 6) = dt_s * Matrix6d::Identity();
-  F.block<6, 6>(0, 12) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
-  F.block<6, 6>(6, 12) = dt_s * Matrix6d::Identity();
-  F.block<6, 6>(12, 12) = fade * Matrix6d::Identity();
+  F.block<6, 6>(0, kV) = dt_s * Matrix6d::Identity();
+  F.block<6, 6>(0, kA) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
+  F.block<6, 6>(kV, kA) = dt_s * Matrix6d::Identity();
+  F.block<6, 6>(kA, kA) = fade * Matrix6d::Identity();
   // Singer: the acceleration's variance is stationary, its density follows from the time it takes to fade.
   const Vector6d variance = Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
   const Vector6d q = 2 / kManeuver_s * variance;
-  Matrix18d Q = Matrix18d::Zero();
+  P_ = (F * P_ * F.transpose()).eval();
   const double d = dt_s, d2 = d * d, d3 = d2 * d, d4 = d3 * d, d5 = d4 * d;
   for (int i = 0; i < 6; ++i) {
-    Q(i, i) = q[i] * d5 / 20;
-    Q(i, i + 6) = Q(i + 6, i) = q[i] * d4 / 8;
-    Q(i, i + 12) = Q(i + 12, i) = q[i] * d3 / 6;
-    Q(i + 6, i + 6) = q[i] * d3 / 3;
-    Q(i + 6, i + 12) = Q(i + 12, i + 6) = q[i] * d2 / 2;
-    Q(i + 12, i + 12) = q[i] * d;
+    const int v = i + kV, a = i + kA;
+    P_(i, i) += q[i] * d5 / 20;
+    P_(i, v) += q[i] * d4 / 8;
+    P_(v, i) += q[i] * d4 / 8;
+    P_(i, a) += q[i] * d3 / 6;
+    P_(a, i) += q[i] * d3 / 6;
+    P_(v, v) += q[i] * d3 / 3;
+    P_(v, a) += q[i] * d2 / 2;
+    P_(a, v) += q[i] * d2 / 2;
+    P_(a, a) += q[i] * d;
   }
-  *T = *T * Exp(step);
-  *velocity += *acceleration * dt_s;
-  *acceleration *= fade;
-  *P = F * *P * F.transpose() + Q;
+  for (int i = 0; i < 3; ++i) {
+    P_(kGyroBias + i, kGyroBias + i) += std::pow(kGyroscopeWalk_rad_s, 2) * dt_s;
+    P_(kAccBias + i, kAccBias + i) += std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
+  }
+  T_world_event_ = T_world_event_ * Exp(step);
+  velocity_ += acceleration_ * dt_s;
+  acceleration_ *= fade;
+  return F;
 }
 
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
-  Prediction prediction{T_world_event_, velocity_, Matrix6d::Zero()};
-  Vector6d acceleration = acceleration_;
-  Matrix18d P = P_;
-  Propagate(SecondsFromNs(t_ns - t_ns_), &prediction.T_world_event, &prediction.velocity_event, &acceleration, &P);
-  prediction.covariance = P.topLeftCorner<6, 6>();
-  return prediction;
+  MotionFilter ahead = *this;
+  ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
+  return {ahead.T_world_event_, ahead.velocity_, ahead.pose_covariance()};
 }
 
 void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information) {
-  Propagate(SecondsFromNs(t_ns - t_ns_), &T_world_event_, &velocity_, &acceleration_, &P_);
+  if (t_ns != t_ns_) Propagate(SecondsFromNs(t_ns - t_ns_));
   t_ns_ = t_ns;
   const Matrix6d P_pose = P_.topLeftCorner<6, 6>();
   const Matrix6d I = Matrix6d::Identity();
   const Matrix6d P_pose_inverse = P_pose.ldlt().solve(I);
-  // Conditioning on the pose: velocity and acceleration follow it as far as they are correlated with it.
-  const Eigen::Matrix<double, 18, 6> gain = P_.leftCols<6>() * P_pose_inverse;
+  // Conditioning on the pose: the rest of the state follows it as far as it is correlated with it.
+  const Eigen::Matrix<double, kStates, 6> gain = P_.leftCols<6>() * P_pose_inverse;
   const Vector6d moved = Log(T_world_event_.inverse() * T_world_event);
-  velocity_ += gain.middleRows<6>(6) * moved;
-  acceleration_ += gain.bottomRows<6>() * moved;
+  velocity_ += gain.middleRows<6>(kV) * moved;
+  acceleration_ += gain.middleRows<6>(kA) * moved;
+  gravity_world_ += gain.middleRows<3>(kGravity) * moved;
+  gyroscope_bias_ += gain.middleRows<3>(kGyroBias) * moved;
+  accelerometer_bias_ += gain.middleRows<3>(kAccBias) * moved;
   T_world_event_ = T_world_event;
   const Matrix6d P_pose_after = (P_pose_inverse + information).ldlt().solve(I);
   P_ -= gain * (P_pose - P_pose_after) * gain.transpose();
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
-void MotionFilter::MeasureAngularVelocity(const Eigen::Vector3d& angular_velocity, double span_s, double sigma_rad_s) {
-  // The mean over the span is the velocity at its middle.
-  Eigen::Matrix<double, 3, 18> H = Eigen::Matrix<double, 3, 18>::Zero();
-  H.block<3, 3>(0, 9).setIdentity();
-  H.block<3, 3>(0, 15) = 0.5 * span_s * Eigen::Matrix3d::Identity();
-  const Eigen::Matrix3d S = H * P_ * H.transpose() + sigma_rad_s * sigma_rad_s * Eigen::Matrix3d::Identity();
-  const Eigen::Matrix<double, 18, 3> gain = P_ * H.transpose() * S.inverse();
-  const Eigen::Vector3d expected = velocity_.tail<3>() + 0.5 * span_s * acceleration_.tail<3>();
-  const Vector18d correction = gain * (angular_velocity - expected);
-  // The pose stays: it was measured to this time, and a gyroscope says nothing of where the camera was.
-  velocity_ += correction.segment<6>(6);
-  acceleration_ += correction.tail<6>();
+void MotionFilter::LearnGravity(const Eigen::Vector3d& up_event) {
+  gravity_world_ = -kGravity_m_s2 * (T_world_event_.rotation() * up_event.normalized());
+  P_.diagonal().segment<3>(kGravity).setConstant(std::pow(kGravitySigma_m_s2, 2));
+}
+
+MotionFilter::Measurement MotionFilter::Turn(const InertialMean& inertial, const MotionFilter& before,
+                                             double dt_s) const {
+  Measurement m;
+  const Eigen::Vector3d turned = LogSO3(before.T_world_event_.rotation().conjugate() * T_world_event_.rotation());
+  m.residual = inertial.angular_velocity * dt_s - (turned + gyroscope_bias_ * dt_s);
+  m.H.middleCols<3>(kPhi).setIdentity();
+  m.H.middleCols<3>(kGyroBias) = dt_s * Eigen::Matrix3d::Identity();
+  m.H_before.middleCols<3>(kPhi) = -ExpSO3(-turned).toRotationMatrix();
+  m.sigma = dt_s * std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm());
+  return m;
+}
+
+MotionFilter::Measurement MotionFilter::Push(const InertialMean& inertial, const MotionFilter& before,
+                                             double dt_s) const {
+  // Velocities of the sensor in the world, and the frame of the span's middle, in which the mean was taken.
+  const Eigen::Vector3d& r = inertial.p_event_imu;
+  const Eigen::Vector3d v = velocity_.head<3>() + velocity_.tail<3>().cross(r);
+  const Eigen::Vector3d v_before = before.velocity_.head<3>() + before.velocity_.tail<3>().cross(r);
+  const Eigen::Vector3d half = 0.5 * dt_s * (inertial.angular_velocity - gyroscope_bias_);
+  const Eigen::Matrix3d R = T_world_event_.rotation().toRotationMatrix();
+  const Eigen::Matrix3d R_before = before.T_world_event_.rotation().toRotationMatrix();
+  const Eigen::Matrix3d R_middle = R_before * ExpSO3(half).toRotationMatrix();
+  const Eigen::Matrix3d A = R_middle.transpose() * R, A_before = R_middle.transpose() * R_before;
+  const Eigen::Vector3d pushed = R_middle.transpose() * (R * v - R_before * v_before - gravity_world_ * dt_s);
+
+  Measurement m;
+  m.residual = *inertial.linear_acceleration * dt_s - (pushed + accelerometer_bias_ * dt_s);
+  m.H.middleCols<3>(kPhi) = -A * Hat(v);
+  m.H.middleCols<3>(kV) = A;
+  m.H.middleCols<3>(kOmega) = -A * Hat(r);
+  m.H.middleCols<3>(kGravity) = -dt_s * R_middle.transpose();
+  m.H.middleCols<3>(kAccBias) = dt_s * Eigen::Matrix3d::Identity();
+  m.H_before.middleCols<3>(kPhi) = A_before * Hat(v_before) + Hat(pushed) * A_before;
+  m.H_before.middleCols<3>(kV) = -A_before;
+  m.H_before.middleCols<3>(kOmega) = A_before * Hat(r);
+  const double beyond_gravity = std::abs(inertial.linear_acceleration->norm() - kGravity_m_s2);
+  m.sigma = dt_s * std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity);
+  return m;
+}
+
+void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s) {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, kStates, 0, 6, kStates>;
+  using Column = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
+  const int n = inertial.linear_acceleration ? 6 : 3;
+  Rows H(n, kStates), H_before(n, kStates);
+  Column residual(n), variance(n);
+  const auto add = [&](int row, const Measurement& m) {
+    H.middleRows<3>(row) = m.H;
+    H_before.middleRows<3>(row) = m.H_before;
+    residual.segment<3>(row) = m.residual;
+    variance.segment<3>(row).setConstant(m.sigma * m.sigma);
+  };
+  add(0, Turn(inertial, before, dt_s));
+  if (n == 6) add(3, Push(inertial, before, dt_s));
+
+  // Covariances of the state now and of the measurement with it: the state before is correlated through F.
+  const Matrix C = F * before.P_;
+  const Eigen::Matrix<double, kStates, Eigen::Dynamic, 0, kStates, 6> P_z =
+      P_ * H.transpose() + C * H_before.transpose();
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> S =
+      H * P_z + H_before * (C.transpose() * H.transpose() + before.P_ * H_before.transpose());
+  S.diagonal() += variance;
+  const double square = residual.dot(S.ldlt().solve(residual));
+  if (square > kMaxNormalisedSquare) S *= square / kMaxNormalisedSquare;
+  const Eigen::Matrix<double, kStates, Eigen::Dynamic, 0, kStates, 6> gain =
+      S.ldlt().solve(P_z.transpose()).transpose();
+  const Vector correction = gain * residual;
+  T_world_event_ = T_world_event_ * Exp(correction.segment<6>(kRho));
+  velocity_ += correction.segment<6>(kV);
+  acceleration_ += correction.segment<6>(kA);
+  gravity_world_ += correction.segment<3>(kGravity);
+  gyroscope_bias_ += correction.segment<3>(kGyroBias);
+  accelerometer_bias_ += correction.segment<3>(kAccBias);
   P_ -= gain * S * gain.transpose();
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
-void MotionFilter::HoldStill(std::int64_t t_ns) {
+void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
+  const double dt_s = SecondsFromNs(t_ns - t_ns_);
+  if (dt_s <= 0) return;
+  if (inertial.linear_acceleration && gravity_world_.isZero()) LearnGravity(*inertial.linear_acceleration);
+  const MotionFilter before = *this;
+  const Matrix F = Propagate(dt_s);
   t_ns_ = t_ns;
-  velocity_.setZero();
-  acceleration_.setZero();
-  const Matrix6d P_pose = P_.topLeftCorner<6, 6>();
-  P_.setZero();
-  P_.topLeftCorner<6, 6>() = P_pose;
-  P_.diagonal().segment<6>(6) = Both(kStillSpeed_m_s, kStillTurn_rad_s).cwiseAbs2();
-  P_.diagonal().tail<6>() = Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
+  Correct(inertial, before, F, dt_s);
+}
+
+void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial) {
+  const double dt_s = SecondsFromNs(t_ns - t_ns_);
+  t_ns_ = t_ns;
+  const auto stand = [this] {
+    velocity_.setZero();
+    acceleration_.setZero();
+    SetMotion(Both(kStillSpeed_m_s, kStillTurn_rad_s));
+  };
+  stand();
+  if (!inertial || dt_s <= 0) return;
+  if (inertial->linear_acceleration && gravity_world_.isZero()) LearnGravity(*inertial->linear_acceleration);
+  const Rigid3 T_world_event = T_world_event_;
+  Correct(*inertial, *this, Matrix::Identity(), dt_s);
+  T_world_event_ = T_world_event;
+  stand();
 }
 
 void MotionFilter::Coast(std::int64_t t_ns) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
-  Propagate(dt_s, &T_world_event_, &velocity_, &acceleration_, &P_);
+  if (dt_s > 0) Propagate(dt_s);
   t_ns_ = t_ns;
   acceleration_.setZero();
   velocity_ *= std::exp(-dt_s / kCoast_s);

@@ -14,6 +14,9 @@ namespace {
 
 // Edge positions of neighbouring points err together; this many points count as one measurement.
 constexpr double kPointsPerMeasurement = 15;
+// An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
+// this many times less beside it. What poses share with the map is not in the filter's covariance either.
+constexpr double kInertialCaution = 4, kInertialShared = 1.6;
 constexpr double kEdgeSigma_px = 0.5;
 // Surfaces are compensated with the mean velocity of this span, about that of their events: the filter's velocity is
 // newer, but noisier, and its noise would come back through the surfaces.
@@ -45,12 +48,12 @@ void Tracker::Reset() {
   map_.reset();
   motion_.Reset();
   history_.Clear();
-  gyroscope_.Clear();
+  inertial_.Clear();
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
   bad_in_a_row_ = suspicious_in_a_row_ = 0;
   usual_share_ = 0.5;
-  coasting_ = coasted_ = false;
+  coasting_ = coasted_ = inertial_prior_ = false;
   activity_hz_.clear();
   usual_activity_hz_ = 0;
 }
@@ -85,7 +88,6 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
       HoldStill(surface.t_edges_ns, &pose);
     }
     history_.Add(motion_.time_ns(), motion_.pose());
-    LearnGyroscopeBias(pose);
   }
   if (!surface.still) {
     usual_activity_hz_ += (surface.activity_hz - usual_activity_hz_) / (kUsualForgets_s * options_.surface.rate_hz);
@@ -96,17 +98,19 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.state = state_;
   pose.t_edges_ns = motion_.time_ns();
   pose.T_world_event_edges = motion_.pose();
-  const auto now = motion_.Predict(surface.t_ns);
+  MotionFilter ahead = motion_;
+  Advance(surface.t_ns, &ahead);
+  const auto now = ahead.Predict(surface.t_ns);
   pose.T_world_event = now.T_world_event;
   pose.velocity_event = MeanVelocity();
-  pose.covariance_event = now.covariance;
+  pose.covariance_event = now.covariance * (inertial_prior_ ? kInertialShared : 1);
   return pose;
 }
 
-void Tracker::LearnGyroscopeBias(const PoseEstimate& pose) {
-  if (state_ != TrackingState::kTracking || pose.inlier_share < kSuspiciousShare * usual_share_) return;
-  const std::int64_t now_ns = history_.last_time_ns(), then_ns = now_ns - NsFromSeconds(kVelocitySpan_s);
-  if (history_.At(then_ns)) gyroscope_.LearnBias(then_ns, now_ns, MeanVelocity().tail<3>());
+bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
+  const auto inertial = inertial_.Mean(motion->time_ns(), t_ns);
+  if (inertial) motion->Advance(t_ns, *inertial);
+  return inertial.has_value();
 }
 
 bool Tracker::EventsEndedSuddenly() const {
@@ -115,28 +119,25 @@ bool Tracker::EventsEndedSuddenly() const {
 }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
-  motion_.HoldStill(t_ns);
+  motion_.HoldStill(t_ns, inertial_.Mean(motion_.time_ns(), t_ns));
   pose->inlier_share = 1;
   if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
 }
 
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   if (suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  motion_.Coast(t_ns);
+  if (!Advance(t_ns, &motion_)) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
 }
 
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
-  if (const auto turning = gyroscope_.Mean(motion_.time_ns(), surface.t_edges_ns)) {
-    motion_.MeasureAngularVelocity(*turning, SecondsFromNs(surface.t_edges_ns - motion_.time_ns()),
-                                   gyroscope_.sigma_rad_s());
-  }
+  inertial_prior_ = Advance(surface.t_edges_ns, &motion_);
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   PosePrior prior;
   prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
   // The alignment counts in pixels per point: bring the prior to that scale.
-  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement);
+  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * (inertial_prior_ ? kInertialCaution : 1));
   const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);

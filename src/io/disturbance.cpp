@@ -41,8 +41,9 @@ void DisturbanceOptions::Add(const std::string& text) {
     return;
   }
   if (key != "event_loss" && key != "hot_pixels") {
-    throw std::invalid_argument("disturbance '" + text +
-                                "': expected event_gap=FROM:TO, depth_gap=FROM:TO, event_loss=SHARE or hot_pixels=SHARE");
+    throw std::invalid_argument(
+        "disturbance '" + text +
+        "': expected event_gap=FROM:TO, depth_gap=FROM:TO, event_loss=SHARE or hot_pixels=SHARE");
   }
   constexpr const char* kExpected = "a share from 0 to 1";
   const double share = NumberIn(value, text, kExpected);

@@ -154,8 +154,8 @@ Rigid3 AlignPoints(const Eigen::Matrix3Xd& truth, const Eigen::Matrix3Xd& estima
 Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const EvaluationOptions& options,
                     const std::vector<Matrix6d>& covariances) {
   if (!covariances.empty() && covariances.size() != estimate.size()) {
-    throw std::invalid_argument("evaluation: " + std::to_string(covariances.size()) + " covariances, expected one for each of " +
-                                std::to_string(estimate.size()) + " poses");
+    throw std::invalid_argument("evaluation: " + std::to_string(covariances.size()) +
+                                " covariances, expected one for each of " + std::to_string(estimate.size()) + " poses");
   }
   const std::vector<Pair> pairs = Associate(truth, estimate, covariances, options.max_gap_s);
   if (pairs.size() < 3) {

@@ -222,7 +222,7 @@ const tf2::BufferCore& BagReader::Transforms() {
 ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
   if (!event_frame_)
     event_frame_ = FrameFor(config_.frames.event, config_.topics.event_camera_info, config_.topics.events);
-  return ToImuSample(message, RotationOfImu(message.header.frame_id, *event_frame_, Transforms()));
+  return ToImuSample(message, PoseOfImu(message.header.frame_id, *event_frame_, Transforms()));
 }
 
 Rigid3 BagReader::DepthToEvent() {

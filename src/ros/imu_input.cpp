@@ -39,7 +39,7 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
   const std::string event_frame = event_frame_();
   ImuSample sample;
   try {
-    sample = ToImuSample(message, RotationOfImu(message.header.frame_id, event_frame, transforms_));
+    sample = ToImuSample(message, PoseOfImu(message.header.frame_id, event_frame, transforms_));
   } catch (const std::exception& error) {
     ROS_WARN_STREAM_THROTTLE(5, "IMU samples on " << topic_ << " are left out: " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <stdexcept>
 
 #include <sensor_msgs/image_encodings.h>
@@ -184,29 +185,32 @@ Camera ToCamera(const sensor_msgs::CameraInfo& m) {
           (m.K[2] - x0 + 0.5) / bin_x - 0.5, (m.K[5] - y0 + 0.5) / bin_y - 0.5, m.distortion_model, m.D};
 }
 
-Eigen::Quaterniond RotationOfImu(const std::string& imu_frame, const std::string& event_frame,
-                                 const tf2::BufferCore& transforms) {
+Rigid3 PoseOfImu(const std::string& imu_frame, const std::string& event_frame, const tf2::BufferCore& transforms) {
   const std::string imu = WithoutLeadingSlash(imu_frame), event = WithoutLeadingSlash(event_frame);
-  if (imu.empty() || imu == event) return Eigen::Quaterniond::Identity();
+  if (imu.empty() || imu == event) return Rigid3();
   if (event.empty()) {
     throw std::runtime_error("their frame is '" + imu + "' and the event camera's frame is not known; expected key " +
                              "'frames.event' or a CameraInfo with a frame_id");
   }
   try {
-    return FromTransformMsg(transforms.lookupTransform(event, imu, ros::Time(0)).transform).rotation();
+    return FromTransformMsg(transforms.lookupTransform(event, imu, ros::Time(0)).transform);
   } catch (const std::exception& e) {
     throw std::runtime_error("no transformation from the IMU's frame '" + imu + "' to the event frame '" + event +
                              "'; expected it on /tf_static (" + e.what() + ")");
   }
 }
 
-ImuSample ToImuSample(const sensor_msgs::Imu& message, const Eigen::Quaterniond& R_event_imu) {
+ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu) {
   ImuSample sample;
   sample.t_ns = FromRosTime(message.header.stamp);
   const auto& w = message.angular_velocity;
   const auto& a = message.linear_acceleration;
-  sample.angular_velocity = R_event_imu * Eigen::Vector3d(w.x, w.y, w.z);
-  sample.linear_acceleration = R_event_imu * Eigen::Vector3d(a.x, a.y, a.z);
+  sample.angular_velocity = T_event_imu.rotation() * Eigen::Vector3d(w.x, w.y, w.z);
+  sample.linear_acceleration = T_event_imu.rotation() * Eigen::Vector3d(a.x, a.y, a.z);
+  if (message.linear_acceleration_covariance[0] == -1) {
+    sample.linear_acceleration.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  sample.p_event_imu = T_event_imu.translation();
   return sample;
 }
 

@@ -135,77 +135,120 @@ TEST(MotionFilter, HasErrorsOfTheSizeThatItStates) {
   EXPECT_GT(sum / count, 2);
 }
 
-/// At rest and uncertain of it; turns faster than it thinks likely.
-MotionFilter Resting() {
+// A swinging and turning camera with an inertial sensor beside it, in a world where -y is up.
+const Eigen::Vector3d kGravity(0.2, 9.8, -0.3), kTurnBias(0.03, -0.02, 0.01), kPushBias(0.1, -0.15, 0.05);
+const Eigen::Vector3d kLever(0.05, -0.02, 0.08);
+
+Rigid3 SwingAt(double t) {
+  return {ExpSO3({0.3 * std::sin(2 * t), 0.5 * std::sin(1.3 * t), 0.2 * std::cos(1.7 * t)}),
+          {0.3 * std::sin(2.1 * t), 0.1 * std::cos(3 * t), 0.2 * std::sin(1.1 * t)}};
+}
+
+InertialMean ReadAt(double t) {
+  constexpr double h = 1e-4;
+  const auto place = [](double s) { return SwingAt(s) * kLever; };
+  const Eigen::Quaterniond R = SwingAt(t).rotation();
+  const Eigen::Vector3d acceleration = (place(t + h) - 2 * place(t) + place(t - h)) / (h * h);
+  const Eigen::Vector3d turn = LogSO3(SwingAt(t - h).rotation().conjugate() * SwingAt(t + h).rotation()) / (2 * h);
+  return {turn + kTurnBias, Eigen::Vector3d(R.conjugate() * (acceleration - kGravity) + kPushBias), kLever};
+}
+
+/// Poses to a tenth of a millimetre and milliradian for `seconds`, with the inertial sensor between them, or without
+/// it.
+MotionFilter Swinging(double seconds, bool inertial) {
   MotionFilter filter{TrackingOptions()};
-  filter.Start(0, TrueAt(0));
+  filter.Start(0, SwingAt(0));
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0, 1e-4);
+  for (int k = 1; k <= static_cast<int>(100 * seconds); ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    if (inertial) filter.Advance(t_ns, ReadAt(SecondsFromNs(t_ns - kPeriod_ns / 2)));
+    const auto predicted = filter.Predict(t_ns);
+    const Vector6d off = Vector6d::NullaryExpr([&] { return noise(random); });
+    const Matrix6d information = 1e8 * Matrix6d::Identity(), prior = predicted.covariance.inverse();
+    const Vector6d measured = Log(predicted.T_world_event.inverse() * SwingAt(SecondsFromNs(t_ns)) * Exp(off));
+    filter.Update(t_ns,
+                  predicted.T_world_event * Exp(Vector6d((prior + information).inverse() * information * measured)),
+                  information);
+  }
   return filter;
 }
-const Eigen::Vector3d kTurn_rad_s(0.8, -0.4, 0.3);
 
-TEST(MotionFilter, WeighsAGyroscopeAgainstWhatItKnewOfTheTurn) {
-  // A start's turn has a deviation of 0.5 rad/s: the mean of two Gaussians.
-  for (const double sigma : {0.01, 0.5, 2.0}) {
-    MotionFilter filter = Resting();
-    filter.MeasureAngularVelocity(kTurn_rad_s, 0, sigma);
-    const auto now = filter.Predict(0);
-    const Eigen::Vector3d expected = kTurn_rad_s * 0.25 / (0.25 + sigma * sigma);
-    EXPECT_LT((now.velocity_event.tail<3>() - expected).norm(), 1e-9) << "sigma " << sigma;
-    EXPECT_LT(now.velocity_event.head<3>().norm(), 1e-12) << "sigma " << sigma;
+double ErrorAfterGap_m(MotionFilter filter, bool inertial) {
+  const std::int64_t end_ns = filter.time_ns() + 30 * kPeriod_ns;
+  while (filter.time_ns() < end_ns) {
+    if (inertial) {
+      filter.Advance(filter.time_ns() + kPeriod_ns, ReadAt(SecondsFromNs(filter.time_ns() + kPeriod_ns / 2)));
+    } else {
+      filter.Coast(filter.time_ns() + kPeriod_ns);
+    }
   }
+  return (filter.pose().translation() - SwingAt(SecondsFromNs(end_ns)).translation()).norm();
 }
 
-TEST(MotionFilter, KeepsItsPoseWhenAGyroscopeIsHeard) {
-  MotionFilter filter = Moving();
-  const Rigid3 before = filter.pose();
-  const std::int64_t t_ns = filter.time_ns();
-  filter.MeasureAngularVelocity(kTurn_rad_s, 0.01, 0.02);
-  EXPECT_EQ(filter.time_ns(), t_ns);
-  EXPECT_LT(Log(before.inverse() * filter.pose()).norm(), 1e-12);
+TEST(MotionFilter, LearnsGravityAndBiasesWhileItMoves) {
+  const MotionFilter filter = Swinging(20, true);
+  EXPECT_LT((filter.gyroscope_bias() - kTurnBias).norm(), 0.002);
+  EXPECT_LT((filter.gravity_world() - kGravity).norm(), 0.05);
+  EXPECT_LT((filter.accelerometer_bias() - kPushBias).norm(), 0.05);
 }
 
-TEST(MotionFilter, TurnsInItsPredictionAsTheGyroscopeSays) {
-  MotionFilter filter = Resting();
-  filter.MeasureAngularVelocity(kTurn_rad_s, 0.01, 0.01);
-  const auto prediction = filter.Predict(kPeriod_ns);
-  const Eigen::Vector3d turned = LogSO3((TrueAt(0).inverse() * prediction.T_world_event).rotation());
-  EXPECT_LT((turned - 0.01 * kTurn_rad_s).norm(), 0.1 * 0.01 * kTurn_rad_s.norm());
-  const auto without = Resting().Predict(kPeriod_ns);
-  for (int i = 0; i < 3; ++i) {
-    EXPECT_LT(prediction.covariance(i + 3, i + 3), 0.3 * without.covariance(i + 3, i + 3));
-    EXPECT_NEAR(prediction.covariance(i, i), without.covariance(i, i), 0.01 * without.covariance(i, i));
+TEST(MotionFilter, FindsItsWayThroughThreeTenthsOfASecondWithAnInertialSensor) {
+  EXPECT_LT(ErrorAfterGap_m(Swinging(5, true), true), 0.004);
+  EXPECT_GT(ErrorAfterGap_m(Swinging(5, false), false), 0.02);
+}
+
+TEST(MotionFilter, HasErrorsOfTheSizeThatItStatesWithAnInertialSensor) {
+  double sum = 0;
+  int count = 0;
+  for (double seconds = 1; seconds < 6; seconds += 0.5, ++count) {
+    const MotionFilter filter = Swinging(seconds, true);
+    const Vector6d error = Log(SwingAt(SecondsFromNs(filter.time_ns())).inverse() * filter.pose());
+    sum += error.dot(filter.pose_covariance().inverse() * error);
   }
+  EXPECT_LT(sum / count, 9);  // 6 directions; the sensor here is better than the filter assumes
+  EXPECT_GT(sum / count, 1);
 }
 
-TEST(MotionFilter, LearnsNothingNewOfItsMotionFromAGyroscopeThatSaysWhatItExpects) {
-  const std::int64_t half_ns = kPeriod_ns / 2;
-  MotionFilter filter = Moving();
-  const auto middle = filter.Predict(filter.time_ns() + half_ns), later = filter.Predict(filter.time_ns() + kPeriod_ns);
-  filter.MeasureAngularVelocity(middle.velocity_event.tail<3>(), 2 * SecondsFromNs(half_ns), 0.02);
-  const auto after = filter.Predict(filter.time_ns() + kPeriod_ns);
-  EXPECT_LT((after.velocity_event - later.velocity_event).norm(), 1e-9);
-  EXPECT_LT(after.covariance.trace(), later.covariance.trace());
+TEST(MotionFilter, TakesABlowForNoMotion) {
+  MotionFilter filter = Swinging(3, true);
+  const std::int64_t next_ns = filter.time_ns() + kPeriod_ns;
+  InertialMean blow = ReadAt(SecondsFromNs(filter.time_ns() + kPeriod_ns / 2));
+  *blow.linear_acceleration += Eigen::Vector3d(150, 0, 0);
+  MotionFilter struck = filter;
+  struck.Advance(next_ns, blow);
+  const double gained_m_s =
+      (struck.Predict(next_ns).velocity_event - filter.Predict(next_ns).velocity_event).head<3>().norm();
+  EXPECT_LT(gained_m_s, 0.2 * 150 * SecondsFromNs(kPeriod_ns));
 }
 
-TEST(MotionFilter, IgnoresAGyroscopeThatKnowsNothing) {
-  MotionFilter filter = Moving();
-  const auto before = filter.Predict(filter.time_ns() + kPeriod_ns);
-  filter.MeasureAngularVelocity(kTurn_rad_s, 0.01, 1e6);
-  const auto after = filter.Predict(filter.time_ns() + kPeriod_ns);
-  EXPECT_LT((after.velocity_event - before.velocity_event).norm(), 1e-9);
-  EXPECT_LT((after.covariance - before.covariance).norm(), 1e-9 * before.covariance.norm());
+TEST(MotionFilter, NeedsNoAccelerometerBesideAGyroscope) {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, SwingAt(0));
+  InertialMean turning = ReadAt(0.005);
+  turning.angular_velocity = {0.8, -0.4, 0.3};
+  turning.linear_acceleration.reset();
+  filter.Advance(kPeriod_ns, turning);
+  const Eigen::Vector3d turned = LogSO3(SwingAt(0).rotation().conjugate() * filter.pose().rotation());
+  EXPECT_LT((turned - 0.01 * turning.angular_velocity).norm(), 0.1 * 0.01 * turning.angular_velocity.norm());
+  EXPECT_TRUE(filter.gravity_world().isZero());
+  EXPECT_EQ(filter.time_ns(), kPeriod_ns);
 }
 
 TEST(MotionFilter, KeepsItsCovarianceSymmetricAndPositiveOverManyReadings) {
-  MotionFilter filter = Moving();
-  for (int k = 101; k <= 1100; ++k) {
-    filter.MeasureAngularVelocity(Twist().tail<3>(), SecondsFromNs(kPeriod_ns), 0.01);
-    filter.Update(k * kPeriod_ns, filter.Predict(k * kPeriod_ns).T_world_event, 1e6 * Matrix6d::Identity());
-  }
-  filter.MeasureAngularVelocity(Twist().tail<3>(), SecondsFromNs(kPeriod_ns), 0.01);
-  const Matrix6d P = filter.Predict(filter.time_ns() + kPeriod_ns).covariance;
+  const Matrix6d P = Swinging(20, true).pose_covariance();
   EXPECT_LT((P - P.transpose()).norm(), 1e-12 * P.norm());
   EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
+}
+
+TEST(MotionFilter, LearnsItsBiasesAtRest) {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, TrueAt(0));
+  const InertialMean rest{kTurnBias, Eigen::Vector3d(-kGravity), Eigen::Vector3d::Zero()};
+  for (int k = 1; k <= 100; ++k) filter.HoldStill(k * kPeriod_ns, rest);
+  EXPECT_LT((filter.gyroscope_bias() - kTurnBias).norm(), 0.002);
+  EXPECT_LT(Log(TrueAt(0).inverse() * filter.pose()).norm(), 1e-12);
+  EXPECT_EQ(filter.Predict(filter.time_ns()).velocity_event, Vector6d(Vector6d::Zero()));
 }
 
 TEST(MotionFilter, HeldStillHasNoVelocityAndKeepsItsPose) {

@@ -18,7 +18,8 @@ using ::testing::HasSubstr;
 /// One second of events, one each 10 us, at one pixel.
 std::vector<Event> OneSecond() {
   std::vector<Event> events(100000);
-  for (std::size_t i = 0; i < events.size(); ++i) events[i] = {5000000000LL + 10000LL * static_cast<std::int64_t>(i), 3, 2, 1};
+  for (std::size_t i = 0; i < events.size(); ++i)
+    events[i] = {5000000000LL + 10000LL * static_cast<std::int64_t>(i), 3, 2, 1};
   return events;
 }
 
@@ -59,8 +60,8 @@ TEST(Disturbance, AddsHotPixelsInTheOrderOfTime) {
   }
   EXPECT_NEAR(pixels.size(), 80, 30);  // 1 % of 8000
   EXPECT_NEAR(hot, 100.0 * pixels.size(), 400);
-  EXPECT_TRUE(std::is_sorted(events.begin(), events.end(),
-                             [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+  EXPECT_TRUE(
+      std::is_sorted(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
 }
 
 TEST(Disturbance, LosesTheDepthOfAGapCountedFromTheFirstEvent) {

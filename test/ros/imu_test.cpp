@@ -28,16 +28,28 @@ sensor_msgs::Imu Turning() {
 
 TEST(Imu, ASampleIsTurnedIntoTheEventFrameByTheStaticTransformation) {
   tf2::BufferCore transforms;
-  const ImuSample sample = ToImuSample(Turning(), RotationOfImu("/imu", "event", TurnedImu(transforms)));
+  const ImuSample sample = ToImuSample(Turning(), PoseOfImu("/imu", "event", TurnedImu(transforms)));
   EXPECT_EQ(sample.t_ns, 1'000'000'007);
   EXPECT_TRUE(sample.angular_velocity.isApprox(Eigen::Vector3d(0, 0, 0.25), 1e-12)) << sample.angular_velocity;
   EXPECT_TRUE(sample.linear_acceleration.isApprox(Eigen::Vector3d(9.5, 0, 0), 1e-12)) << sample.linear_acceleration;
 }
 
+TEST(Imu, ASampleKnowsWhereItsSensorIs) {
+  tf2::BufferCore transforms;
+  const ImuSample sample = ToImuSample(Turning(), PoseOfImu("imu", "event", TurnedImu(transforms)));
+  EXPECT_LT((sample.p_event_imu - Eigen::Vector3d(1, 2, 3)).norm(), 1e-12);
+}
+
+TEST(Imu, AMessageWithoutAnAccelerometerGivesNoAcceleration) {
+  sensor_msgs::Imu message = Turning();
+  message.linear_acceleration_covariance[0] = -1;
+  EXPECT_TRUE(ToImuSample(message, Rigid3()).linear_acceleration.array().isNaN().all());
+}
+
 TEST(Imu, ASampleInTheEventFrameOrOfNoFrameStaysAsItIs) {
   const tf2::BufferCore nothing;
   for (const char* frame : {"", "event", "/event"}) {
-    const ImuSample sample = ToImuSample(Turning(), RotationOfImu(frame, "event", nothing));
+    const ImuSample sample = ToImuSample(Turning(), PoseOfImu(frame, "event", nothing));
     EXPECT_EQ(sample.angular_velocity, Eigen::Vector3d(0.25, 0, 0)) << frame;
   }
 }
@@ -45,7 +57,7 @@ TEST(Imu, ASampleInTheEventFrameOrOfNoFrameStaysAsItIs) {
 TEST(Imu, AMissingTransformationIsRefusedAndBothFramesAreNamed) {
   const tf2::BufferCore nothing;
   try {
-    RotationOfImu("imu", "event", nothing);
+    PoseOfImu("imu", "event", nothing);
     FAIL() << "a guess was returned";
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("'imu'"), testing::HasSubstr("'event'")));
@@ -54,7 +66,7 @@ TEST(Imu, AMissingTransformationIsRefusedAndBothFramesAreNamed) {
 
 TEST(Imu, AnUnknownEventFrameIsRefused) {
   const tf2::BufferCore nothing;
-  EXPECT_THROW(RotationOfImu("imu", "", nothing), std::runtime_error);
+  EXPECT_THROW(PoseOfImu("imu", "", nothing), std::runtime_error);
 }
 
 }  // namespace

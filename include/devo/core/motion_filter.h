@@ -3,13 +3,17 @@
 // What the motion so far says of the next pose: a Kalman filter on SE(3) whose state is pose, velocity and
 // acceleration, driven by white jerk, with the acceleration fading (Singer, "Estimating optimal tracking filter
 // performance for manned maneuvering targets", 1970). Its prediction is the prior of the alignment, so that
-// directions that one surface leaves open are held by what earlier surfaces said of them.
+// directions that one surface leaves open are held by what earlier surfaces said of them. An inertial sensor, where
+// there is one, measures how rotation and velocity change from pose to pose; its biases and the direction of gravity
+// are states too.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include <Eigen/Core>
 
+#include "devo/core/inertial_buffer.h"
 #include "devo/core/options.h"
 #include "devo/core/rigid3.h"
 
@@ -20,7 +24,8 @@ class MotionFilter {
  public:
   explicit MotionFilter(const TrackingOptions& options) : options_(options) {}
 
-  /// Starts at rest (to within a walking pace and a slow turn) at a pose known to a millimetre and milliradian.
+  /// Starts at rest (to within a walking pace and a slow turn) at a pose known to a millimetre and milliradian. What is
+  /// known of gravity and biases stays.
   void Start(std::int64_t t_ns, const Rigid3& T_world_event);
 
   struct Prediction {
@@ -35,12 +40,12 @@ class MotionFilter {
   /// found it, and the measurement's information on a right perturbation of it (without the prior).
   void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information);
 
-  /// A gyroscope's mean reading over the `span_s` since the last update, free of bias: rad/s in the event frame.
-  /// `sigma_rad_s`: its standard deviation, remaining bias included.
-  void MeasureAngularVelocity(const Eigen::Vector3d& angular_velocity, double span_s, double sigma_rad_s);
+  /// Goes on to `t_ns` with what an inertial sensor read since the last update. The first accelerometer's reading
+  /// tells which way is down.
+  void Advance(std::int64_t t_ns, const InertialMean& inertial);
 
-  /// The camera is known to stand still.
-  void HoldStill(std::int64_t t_ns);
+  /// The camera is known to stand still; what an inertial sensor reads then is its bias and gravity.
+  void HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial = std::nullopt);
 
   /// Nothing was measured: goes on with the prediction, slowing down.
   void Coast(std::int64_t t_ns);
@@ -49,20 +54,41 @@ class MotionFilter {
   const Rigid3& pose() const { return T_world_event_; }
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
   bool started() const { return started_; }
-  void Reset() { started_ = false; }
+  const Eigen::Vector3d& gravity_world() const { return gravity_world_; }            ///< m/s^2; zero: not known
+  const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }          ///< rad/s, event frame
+  const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
+  void Reset();
 
  private:
-  using Vector18d = Eigen::Matrix<double, 18, 1>;
-  using Matrix18d = Eigen::Matrix<double, 18, 18>;
+  static constexpr int kStates = 27;
+  using Vector = Eigen::Matrix<double, kStates, 1>;
+  using Matrix = Eigen::Matrix<double, kStates, kStates>;
 
-  void Propagate(double dt_s, Rigid3* T_world_event, Vector6d* velocity, Vector6d* acceleration, Matrix18d* P) const;
+  /// A measurement that depends on the state before a step and after it.
+  struct Measurement {
+    Eigen::Matrix<double, 3, kStates> H_before = Eigen::Matrix<double, 3, kStates>::Zero();
+    Eigen::Matrix<double, 3, kStates> H = Eigen::Matrix<double, 3, kStates>::Zero();
+    Eigen::Vector3d residual;
+    double sigma;
+  };
+
+  void SetMotion(const Vector6d& sigma_velocity);
+  /// Returns the derivative of the new state by the old one.
+  Matrix Propagate(double dt_s);
+  void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
+  void LearnGravity(const Eigen::Vector3d& up_event);
+  Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
+  Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
 
   TrackingOptions options_;
   bool started_ = false;
   std::int64_t t_ns_ = 0;
   Rigid3 T_world_event_;
   Vector6d velocity_ = Vector6d::Zero(), acceleration_ = Vector6d::Zero();  // of and in the event frame
-  Matrix18d P_ = Matrix18d::Zero();  // of [right perturbation of the pose; velocity; acceleration]
+  Eigen::Vector3d gravity_world_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d gyroscope_bias_ = Eigen::Vector3d::Zero(), accelerometer_bias_ = Eigen::Vector3d::Zero();
+  // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias].
+  Matrix P_ = Matrix::Zero();
 };
 
 }  // namespace devo

@@ -38,7 +38,7 @@ class Odometry {
   /// by more than one surface period (a reader that merges streams by stamp does that).
   void AddDepth(const DepthImage& depth);
 
-  /// An inertial sample, optional; its gyroscope sharpens the prediction, its accelerometer is not used. In the order
+  /// An inertial sample, optional; sharpens the prediction. In the order
   /// of time, each before events that are later than it by more than a surface period.
   void AddImu(const ImuSample& sample);
 

@@ -9,7 +9,7 @@
 
 #include "devo/core/alignment.h"
 #include "devo/core/camera.h"
-#include "devo/core/gyroscope.h"
+#include "devo/core/inertial_buffer.h"
 #include "devo/core/local_map.h"
 #include "devo/core/motion_filter.h"
 #include "devo/core/options.h"
@@ -29,8 +29,8 @@ class Tracker {
   /// The map to register to from now on. Maps of another epoch than the surfaces' are ignored.
   void SetMap(LocalMapPtr map);
 
-  /// A gyroscope's sample, optional; before the surfaces later than it.
-  void AddImu(const ImuSample& sample) { gyroscope_.Add(sample); }
+  /// An inertial sensor's sample, optional; before the surfaces later than it.
+  void AddImu(const ImuSample& sample) { inertial_.Add(sample); }
 
   /// Pose at the surface's time; empty as long as there is no map. Surfaces must come in the order of their
   /// time; one of a new epoch resets the tracker.
@@ -44,8 +44,9 @@ class Tracker {
 
  private:
   void Register(const Surface& surface, PoseEstimate* pose);
+  /// With the inertial sensor's readings up to then; false: there are none.
+  bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   bool EventsEndedSuddenly() const;
-  void LearnGyroscopeBias(const PoseEstimate& pose);
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   bool Recover(const Surface& surface, AlignmentResult* result);
@@ -55,7 +56,7 @@ class Tracker {
   Camera camera_;
   LocalMapPtr map_;
   MotionFilter motion_;
-  Gyroscope gyroscope_;
+  InertialBuffer inertial_;
   PoseHistory history_;
   Relocalizer relocalizer_;
   std::uint64_t epoch_ = 0;
@@ -64,6 +65,7 @@ class Tracker {
   double usual_share_ = 0.5;      // of matched points while tracking
   double usual_activity_hz_ = 0;  // while moving
   std::int64_t last_active_ns_ = 0;
+  bool inertial_prior_ = false;     // the last surface was predicted with an inertial sensor
   bool coasting_ = false;           // events ended while moving
   bool coasted_ = false;            // and came back, but the pose has not been found yet
   Rigid3 T_world_before_;           // last pose before tracking degraded

@@ -60,13 +60,13 @@ DepthImage ToDepthImage(const sensor_msgs::Image& message, double scale = 1, std
 /// as Camera does (an uncalibrated camera has K = 0), and for a region of interest that is to be rectified.
 Camera ToCamera(const sensor_msgs::CameraInfo& message);
 
-/// How the IMU's axes lie in the event frame. The identity where `imu_frame` is empty (the message claims no frame of
+/// How the IMU lies in the event frame. The identity where `imu_frame` is empty (the message claims no frame of
 /// its own) or is the event frame; else from `transforms`. Throws std::runtime_error naming both frames where the event
 /// frame is empty (unknown) or the transformation is not there.
-Eigen::Quaterniond RotationOfImu(const std::string& imu_frame, const std::string& event_frame,
-                                 const tf2::BufferCore& transforms);
+Rigid3 PoseOfImu(const std::string& imu_frame, const std::string& event_frame, const tf2::BufferCore& transforms);
 
-/// Turned by `R_event_imu`. The acceleration stays that of the IMU's own place.
-ImuSample ToImuSample(const sensor_msgs::Imu& message, const Eigen::Quaterniond& R_event_imu);
+/// Turned into the event frame. The acceleration stays that of the IMU's own place; NaN where the message's covariance
+/// says that there is none (-1, sensor_msgs/Imu).
+ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu);
 
 }  // namespace devo

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "devo/core/imu.h"
+
+namespace devo {
+
+/// What an inertial sensor read over a span of time, on average.
+struct InertialMean {
+  Eigen::Vector3d angular_velocity;                    ///< rad/s, event frame, bias included
+  std::optional<Eigen::Vector3d> linear_acceleration;  ///< specific force, m/s^2, event frame, bias included
+  Eigen::Vector3d p_event_imu;                         ///< m, event frame
+};
+
+/// The samples of the last seconds. Not thread-safe.
+class InertialBuffer {
+ public:
+  /// Samples in the order of their time; one that is not newer than the last, or whose angular velocity is not finite,
+  /// is left out.
+  void Add(const ImuSample& sample);
+
+  /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for a moment (samples come later than
+  /// events). Empty where the samples leave a part of the span open.
+  std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
+
+  void Clear() { samples_.clear(); }
+
+ private:
+  std::deque<ImuSample> samples_;
+};
+
+}  // namespace devo

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/inertial_buffer.h"
+
+#include <algorithm>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+constexpr std::size_t kMaxSamples = 4000;         // 2.5 s of the fastest drivers
+constexpr std::int64_t kMaxGap_ns = 50'000'000;   // between samples: the slowest drivers have 50 Hz
+constexpr std::int64_t kMaxHold_ns = 15'000'000;  // after the last sample
+
+using Vector = Eigen::Matrix<double, 6, 1>;
+
+Vector Reading(const ImuSample& sample) {
+  Vector reading;
+  reading << sample.angular_velocity, sample.linear_acceleration;
+  return reading;
+}
+
+}  // namespace
+
+void InertialBuffer::Add(const ImuSample& sample) {
+  if (!sample.angular_velocity.allFinite() || (!samples_.empty() && sample.t_ns <= samples_.back().t_ns)) return;
+  samples_.push_back(sample);
+  if (samples_.size() > kMaxSamples) samples_.pop_front();
+}
+
+std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int64_t to_ns) const {
+  if (samples_.empty() || to_ns <= from_ns || samples_.front().t_ns > from_ns ||
+      samples_.back().t_ns + kMaxHold_ns < to_ns) {
+    return std::nullopt;
+  }
+  // From the last sample that is not later than the span's begin.
+  auto sample = std::upper_bound(samples_.begin(), samples_.end(), from_ns,
+                                 [](std::int64_t t, const ImuSample& s) { return t < s.t_ns; }) -
+                1;
+  Vector sum = Vector::Zero();
+  for (std::int64_t t_ns = from_ns; t_ns < to_ns; ++sample) {
+    const auto next = sample + 1;
+    if (next == samples_.end()) {
+      sum += Reading(*sample) * SecondsFromNs(to_ns - t_ns);
+      break;
+    }
+    if (next->t_ns - sample->t_ns > kMaxGap_ns) return std::nullopt;
+    const std::int64_t until_ns = std::min(next->t_ns, to_ns);
+    const double middle = SecondsFromNs((t_ns - sample->t_ns) + (until_ns - sample->t_ns)) /
+                          (2 * SecondsFromNs(next->t_ns - sample->t_ns));
+    sum += ((1 - middle) * Reading(*sample) + middle * Reading(*next)) * SecondsFromNs(until_ns - t_ns);
+    t_ns = until_ns;
+  }
+  const Vector mean = sum / SecondsFromNs(to_ns - from_ns);
+  InertialMean result{mean.head<3>(), std::nullopt, samples_.back().p_event_imu};
+  if (mean.tail<3>().allFinite()) result.linear_acceleration = mean.tail<3>();
+  return result;
+}
+
+}  // namespace devo

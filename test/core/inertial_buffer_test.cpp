@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/inertial_buffer.h"
+
+#include <limits>
+
+#include <gtest/gtest.h>
+
+namespace devo {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+using Eigen::Vector3d;
+
+ImuSample At(std::int64_t t_ns, const Vector3d& angular_velocity, const Vector3d& acceleration = {0, 0, 9.8}) {
+  return {t_ns, angular_velocity, acceleration, {0.1, 0, 0}};
+}
+
+/// Samples every 5 ms from 0 to 100 ms that grow evenly: 1 rad/s and 10 m/s^2 in a second.
+InertialBuffer Growing() {
+  InertialBuffer buffer;
+  for (int ms = 0; ms <= 100; ms += 5) buffer.Add(At(ms * kMs, {1e-3 * ms, 0, 0}, {0, 1e-2 * ms, 0}));
+  return buffer;
+}
+
+TEST(InertialBuffer, HasNoMeanOfASpanThatItsSamplesLeaveOpen) {
+  EXPECT_FALSE(InertialBuffer().Mean(0, 10 * kMs));
+  const InertialBuffer buffer = Growing();
+  EXPECT_FALSE(buffer.Mean(-1, 10 * kMs));
+  EXPECT_FALSE(buffer.Mean(90 * kMs, 120 * kMs));
+  EXPECT_FALSE(buffer.Mean(10 * kMs, 10 * kMs));
+}
+
+TEST(InertialBuffer, AveragesOverTheSpanItselfWhereverTheSamplesLie) {
+  const InertialBuffer buffer = Growing();
+  for (const auto& [from_ms, to_ms] : {std::make_pair(10, 20), {11, 13}, {12, 27}, {0, 100}}) {
+    const auto mean = buffer.Mean(from_ms * kMs, to_ms * kMs);
+    ASSERT_TRUE(mean);
+    EXPECT_NEAR(mean->angular_velocity.x(), 1e-3 * 0.5 * (from_ms + to_ms), 1e-9) << from_ms << " " << to_ms;
+    EXPECT_NEAR(mean->linear_acceleration->y(), 1e-2 * 0.5 * (from_ms + to_ms), 1e-9) << from_ms << " " << to_ms;
+    EXPECT_EQ(mean->p_event_imu, Vector3d(0.1, 0, 0));
+  }
+}
+
+TEST(InertialBuffer, HoldsTheLastSampleForAMoment) {
+  const auto mean = Growing().Mean(95 * kMs, 110 * kMs);
+  ASSERT_TRUE(mean);
+  EXPECT_NEAR(mean->angular_velocity.x(), (5 * 0.0975 + 10 * 0.1) / 15, 1e-9);
+}
+
+TEST(InertialBuffer, HasNoMeanAcrossAGap) {
+  InertialBuffer buffer;
+  buffer.Add(At(0, {1, 0, 0}));
+  buffer.Add(At(200 * kMs, {1, 0, 0}));
+  EXPECT_FALSE(buffer.Mean(10 * kMs, 20 * kMs));
+}
+
+TEST(InertialBuffer, LeavesOutSamplesThatAreNotNewerOrNotFinite) {
+  InertialBuffer buffer;
+  buffer.Add(At(0, {1, 1, 1}));
+  buffer.Add(At(0, {9, 9, 9}));
+  buffer.Add(At(-1 * kMs, {9, 9, 9}));
+  buffer.Add(At(3 * kMs, {9, std::numeric_limits<double>::quiet_NaN(), 9}));
+  buffer.Add(At(5 * kMs, {3, 3, 3}));
+  EXPECT_LT((buffer.Mean(0, 5 * kMs)->angular_velocity - Vector3d(2, 2, 2)).norm(), 1e-12);
+}
+
+TEST(InertialBuffer, HasNoAccelerationOfASensorWithoutAnAccelerometer) {
+  InertialBuffer buffer;
+  const Vector3d none = Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  buffer.Add(At(0, {1, 0, 0}, none));
+  buffer.Add(At(5 * kMs, {1, 0, 0}, none));
+  ASSERT_TRUE(buffer.Mean(0, 5 * kMs));
+  EXPECT_FALSE(buffer.Mean(0, 5 * kMs)->linear_acceleration);
+}
+
+TEST(InertialBuffer, ForgetsItsSamplesWhenCleared) {
+  InertialBuffer buffer = Growing();
+  buffer.Clear();
+  EXPECT_FALSE(buffer.Mean(0, 10 * kMs));
+  buffer.Add(At(0, {1, 0, 0}));  // time may have gone back
+  EXPECT_TRUE(buffer.Mean(0, 1 * kMs));
+}
+
+}  // namespace
+}  // namespace devo

@@ -2,10 +2,14 @@
 #include "devo/core/surface_builder.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <deque>
 #include <limits>
 #include <stdexcept>
+
+#include <opencv2/core/hal/intrin.hpp>
 
 #include "devo/core/crests.h"
 #include "devo/core/noise_filter.h"
@@ -16,13 +20,43 @@ namespace devo {
 namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
+constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
 
-/// An event that passed the noise filter, with its viewing ray (x, y, 1).
-struct RayEvent {
-  std::int64_t t_ns;
-  float ray_x, ray_y;
-  std::uint8_t polarity;
+/// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
+class RayLookup {
+ public:
+  struct Ray {
+    float x, y;
+  };
+
+  explicit RayLookup(const Camera& camera) : table_(RayTable(camera)) {
+    if (camera.distortion() != DistortionModel::kNone) return;
+    // Columns and rows are independent: two lines, which stay in the first cache, hold the whole table.
+    for (int x = 0; x < camera.width(); ++x) x_.push_back(table_(0, x)[0]);
+    for (int y = 0; y < camera.height(); ++y) y_.push_back(table_(y, 0)[1]);
+    table_.release();
+  }
+
+  Ray operator()(int x, int y) const {
+    if (!x_.empty()) return {x_[x], y_[y]};
+    const cv::Vec2f& ray = table_(y, x);
+    return {ray[0], ray[1]};
+  }
+
+ private:
+  cv::Mat2f table_;
+  std::vector<float> x_, y_;
 };
+
+/// An event that passed the noise filter, with its viewing ray (x, y, 1). Small: a surface reads ten thousands.
+struct RayEvent {
+  std::int64_t doubled_t_ns;  // plus the polarity
+  float ray_x, ray_y;
+
+  std::int64_t t_ns() const { return doubled_t_ns >> 1; }
+  int polarity() const { return static_cast<int>(doubled_t_ns & 1); }
+};
+static_assert(sizeof(RayEvent) == 16, "four are transposed at a time");
 
 /// Fixed-capacity history of the newest elements, no allocation after construction.
 template <typename T>
@@ -38,6 +72,18 @@ class Ring {
   const T& operator[](std::uint64_t index) const { return data_[index & (data_.size() - 1)]; }
   std::uint64_t begin() const { return end_ > data_.size() ? end_ - data_.size() : 0; }
   std::uint64_t end() const { return end_; }
+  /// How many from `index` on lie one after the other in memory.
+  std::size_t Contiguous(std::uint64_t index) const {
+    return std::min<std::size_t>(end_ - index, data_.size() - (index & (data_.size() - 1)));
+  }
+  /// Calls `visit(pointer, count)` for those from `index` on, in at most two pieces.
+  template <typename Visit>
+  void ForPieces(std::uint64_t index, Visit&& visit) const {
+    for (std::size_t count = 0; index < end_; index += count) {
+      count = Contiguous(index);
+      visit(&(*this)[index], count);
+    }
+  }
   void Clear() { end_ = 0; }
 
  private:
@@ -45,12 +91,134 @@ class Ring {
   std::uint64_t end_ = 0;
 };
 
+/// Moves events to where their edges are at the surface's time and counts them there.
+class EventWarp {
+ public:
+  /// Both images have the camera's size.
+  EventWarp(const Camera& undistorted, const SceneDepth& depth, cv::Mat1w* accumulated, cv::Mat1s* accumulated_sign)
+      : fx_(cv::v_setall_f32(static_cast<float>(undistorted.fx()))),
+        fy_(cv::v_setall_f32(static_cast<float>(undistorted.fy()))),
+        cx_(cv::v_setall_f32(static_cast<float>(undistorted.cx()))),
+        cy_(cv::v_setall_f32(static_cast<float>(undistorted.cy()))), width_(undistorted.width()),
+        height_(undistorted.height()), inverse_median_(depth.median_m > 0 ? static_cast<float>(1 / depth.median_m) : 0),
+        grid_(depth.inverse_depth), grid_x_(grid_.cols / static_cast<float>(width_)),
+        grid_y_(grid_.rows / static_cast<float>(height_)), sums_(accumulated->ptr<std::uint16_t>()),
+        signs_(accumulated_sign->ptr<std::int16_t>()) {
+    for (int share = 0; share < kSub * kSub; ++share) shares_[share] = Share(share % kSub, share / kSub, width_);
+    SetPose(Rigid3());
+  }
+
+  void SetPose(const Rigid3& T_now_then) {
+    const Eigen::Matrix3f R = T_now_then.rotation().toRotationMatrix().cast<float>();
+    const Eigen::Vector3f t = T_now_then.translation().cast<float>();
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) R_[row][column] = cv::v_setall_f32(R(row, column));
+      t_[row] = cv::v_setall_f32(t[row]);
+    }
+  }
+
+  void Add(const RayEvent* next, const RayEvent* end) {
+    for (; end - next >= 4; next += 4) AddFour(next, 4);
+    if (next == end) return;
+    std::array<RayEvent, 4> rest{};
+    std::copy(next, end, rest.begin());
+    AddFour(rest.data(), static_cast<int>(end - next));
+  }
+
+ private:
+  static constexpr int kSub = 8;  // positions are split between four pixels in steps of 1/8: weights sum to 64
+  static_assert(kSub * kSub == kEventWeight);
+
+  /// What an event at a fraction of a pixel adds to the four pixels around it: two in a word, as they lie in memory.
+  struct Share {
+    std::uint32_t upper = 0, lower = 0;
+    std::int32_t nearest = 0;  // pixel, from the upper left one
+
+    Share() = default;
+    Share(int ax, int ay, int width) : nearest((2 * ay >= kSub ? width : 0) + (2 * ax >= kSub ? 1 : 0)) {
+      const auto pair = [](int left, int right, std::uint32_t* word) {
+        const std::array<std::uint16_t, 2> both = {static_cast<std::uint16_t>(left), static_cast<std::uint16_t>(right)};
+        std::memcpy(word, both.data(), sizeof(*word));
+      };
+      pair((kSub - ax) * (kSub - ay), ax * (kSub - ay), &upper);
+      pair((kSub - ax) * ay, ax * ay, &lower);
+    }
+  };
+
+  cv::v_float32x4 InverseDepth(const cv::v_float32x4& ray_x, const cv::v_float32x4& ray_y) const {
+    if (grid_.empty()) return cv::v_setall_f32(inverse_median_);
+    alignas(16) std::array<int, 4> gx, gy;
+    alignas(16) std::array<float, 4> inverse_depth;
+    cv::v_store(gx.data(), cv::v_trunc((fx_ * ray_x + cx_) * cv::v_setall_f32(grid_x_)));
+    cv::v_store(gy.data(), cv::v_trunc((fy_ * ray_y + cy_) * cv::v_setall_f32(grid_y_)));
+    for (int k = 0; k < 4; ++k) {
+      const bool inside = gx[k] >= 0 && gy[k] >= 0 && gx[k] < grid_.cols && gy[k] < grid_.rows;
+      inverse_depth[k] = inside ? grid_(gy[k], gx[k]) : inverse_median_;
+    }
+    return cv::v_load(inverse_depth.data());
+  }
+
+  void AddFour(const RayEvent* events, int count) {
+    const auto all = [](float value) { return cv::v_setall_f32(value); };
+    cv::v_float32x4 unused, x, y;
+    cv::v_transpose4x4(Load(events), Load(events + 1), Load(events + 2), Load(events + 3), unused, unused, x, y);
+    const auto inverse_depth = InverseDepth(x, y);
+    const auto X = R_[0][0] * x + R_[0][1] * y + R_[0][2] + t_[0] * inverse_depth;
+    const auto Y = R_[1][0] * x + R_[1][1] * y + R_[1][2] + t_[1] * inverse_depth;
+    const auto Z = R_[2][0] * x + R_[2][1] * y + R_[2][2] + t_[2] * inverse_depth;
+    const auto u = fx_ * X / Z + cx_, v = fy_ * Y / Z + cy_;
+    const auto u8 = cv::v_trunc(u * all(kSub) + all(0.5F)), v8 = cv::v_trunc(v * all(kSub) + all(0.5F));
+    // Rounding may take the last eighth of a pixel to the next one.
+    const auto last_u = all(static_cast<float>(width_ - 1)), last_v = all(static_cast<float>(height_ - 1));
+    const auto inside = (Z > all(0.1F)) & (u >= all(0)) & (v >= all(0)) & (u < last_u) & (v < last_v) &
+                        cv::v_reinterpret_as_f32((u8 < cv::v_setall_s32(kSub * (width_ - 1))) &
+                                                 (v8 < cv::v_setall_s32(kSub * (height_ - 1))));
+    const int inside_bits = cv::v_signmask(inside) & ((1 << count) - 1);
+    alignas(16) std::array<int, 4> column, row, share;
+    cv::v_store(column.data(), u8 >> 3);
+    cv::v_store(row.data(), v8 >> 3);
+    const auto fraction = cv::v_setall_s32(kSub - 1);
+    cv::v_store(share.data(), ((v8 & fraction) << 3) + (u8 & fraction));
+    for (int k = 0; k < 4; ++k) {
+      if (!(inside_bits >> k & 1)) continue;
+      Count(std::ptrdiff_t{row[k]} * width_ + column[k], shares_[share[k]], events[k].polarity());
+    }
+  }
+
+  static cv::v_float32x4 Load(const RayEvent* event) { return cv::v_load(reinterpret_cast<const float*>(event)); }
+
+  void Count(std::ptrdiff_t pixel, const Share& share, int polarity) {
+    std::uint16_t *upper = sums_ + pixel, *lower = upper + width_;
+    std::uint32_t upper_pair, lower_pair;
+    std::memcpy(&upper_pair, upper, sizeof(upper_pair));
+    std::memcpy(&lower_pair, lower, sizeof(lower_pair));
+    // None of the four beyond 3900 keeps the blur within 16 bits: adding 195 then leaves bit 12 clear.
+    constexpr std::uint32_t kMargin = 195 * 0x10001U, kFull = 0x1000 * 0x10001U;
+    if (((upper_pair + kMargin) | (lower_pair + kMargin)) & kFull) return;
+    upper_pair += share.upper;
+    lower_pair += share.lower;
+    std::memcpy(upper, &upper_pair, sizeof(upper_pair));
+    std::memcpy(lower, &lower_pair, sizeof(lower_pair));
+    signs_[pixel + share.nearest] += static_cast<std::int16_t>(kEventWeight * (2 * polarity - 1));
+  }
+
+  cv::v_float32x4 fx_, fy_, cx_, cy_;
+  cv::v_float32x4 R_[3][3], t_[3];
+  int width_, height_;
+  float inverse_median_;
+  const cv::Mat1f& grid_;
+  float grid_x_, grid_y_;
+  std::uint16_t* sums_;
+  std::int16_t* signs_;
+  std::array<Share, kSub * kSub> shares_;
+};
+
 }  // namespace
 
 struct SurfaceBuilder::Impl {
   Impl(const Camera& event_camera, const SurfaceOptions& options_in)
       : options(options_in), camera(event_camera), undistorted(event_camera.Undistorted()),
-        rays(RayTable(event_camera)), compensated(options_in.method == "motion_compensated"),
+        rays(event_camera), compensated(options_in.method == "motion_compensated"),
         events_per_surface(std::max<std::size_t>(
             500, static_cast<std::size_t>(options_in.event_share * event_camera.width() * event_camera.height()))),
         raw(compensated ? 4 * events_per_surface : 1), kept(2 * events_per_surface),
@@ -63,12 +231,13 @@ struct SurfaceBuilder::Impl {
   void FilterNewEvents();
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   void RenderCompensated(const Vector6d& velocity_event, const SceneDepth& depth, Surface* surface);
+  std::uint64_t FirstKeptSince(std::int64_t oldest_ns) const;
   void Accumulate(std::uint64_t first, std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& depth);
   void RenderExponential(Surface* surface) const;
 
   SurfaceOptions options;
   Camera camera, undistorted;
-  cv::Mat2f rays;
+  RayLookup rays;
   bool compensated;
   std::size_t events_per_surface;
 
@@ -77,6 +246,7 @@ struct SurfaceBuilder::Impl {
   double pass_share = 0.5;  // of the events that the filter lately let pass
   Ring<RayEvent> kept;
   NoiseFilter filter;
+  std::array<std::uint32_t, kFilterBatch> passed;
   std::int64_t last_event_ns = std::numeric_limits<std::int64_t>::min();
   std::uint64_t epoch = 0;
   Counters counters;
@@ -162,15 +332,16 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
   const auto useful = static_cast<std::uint64_t>(1.2 * static_cast<double>(events_per_surface) / pass_share);
   const std::uint64_t begin = std::max({filtered_until, raw.begin(), raw.end() - std::min(raw.end(), useful)});
   const std::uint64_t kept_before = kept.end();
-  for (std::uint64_t i = begin; i < raw.end(); ++i) {
-    const Event& event = raw[i];
-    if (!filter.Pass(event)) {
-      ++counters.noise;
-      continue;
+  for (std::uint64_t next = begin; next < raw.end();) {
+    const EventSpan piece(&raw[next], std::min<std::size_t>(raw.Contiguous(next), kFilterBatch));
+    const std::size_t count = filter.Pass(piece, passed.data());
+    counters.noise += piece.size - count;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Event& event = piece.data[passed[k]];
+      const RayLookup::Ray ray = rays(event.x, event.y);
+      if (std::isfinite(ray.x)) kept.Push({2 * event.t_ns + event.polarity, ray.x, ray.y});
     }
-    const cv::Vec2f& ray = rays(event.y, event.x);
-    if (!std::isfinite(ray[0])) continue;  // a corner that no ray of the lens model reaches
-    kept.Push({event.t_ns, ray[0], ray[1], event.polarity});
+    next += piece.size;
   }
   filtered_until = raw.end();
   const std::uint64_t looked_at = raw.end() - begin;
@@ -191,18 +362,28 @@ void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   surface->still = surface->activity_hz < options.still_activity_hz;
 }
 
+std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const {
+  std::uint64_t before = std::max(kept.begin(), kept.end() - std::min<std::uint64_t>(kept.end(), events_per_surface));
+  for (std::uint64_t count = kept.end() - before; count > 0;) {
+    const std::uint64_t half = count / 2;
+    const bool older = kept[before + half].t_ns() < oldest_ns;
+    before += older ? half + 1 : 0;
+    count = older ? count - half - 1 : half;
+  }
+  return before;
+}
+
 void SurfaceBuilder::Impl::RenderCompensated(const Vector6d& velocity_event, const SceneDepth& depth,
                                              Surface* surface) {
   const std::int64_t oldest_ns = surface->t_ns - NsFromSeconds(options.max_window_s);
-  std::uint64_t first = kept.end();
-  const std::uint64_t limit =
-      std::max(kept.begin(), kept.end() - std::min<std::uint64_t>(kept.end(), events_per_surface));
-  while (first > limit && kept[first - 1].t_ns >= oldest_ns) --first;
+  const std::uint64_t first = FirstKeptSince(oldest_ns);
   surface->events_used = static_cast<std::uint32_t>(kept.end() - first);
-  surface->window_s = surface->events_used ? SecondsFromNs(surface->t_ns - kept[first].t_ns) : 0.0;
+  surface->window_s = surface->events_used ? SecondsFromNs(surface->t_ns - kept[first].t_ns()) : 0.0;
 
   std::int64_t age_sum_ns = 0;
-  for (std::uint64_t i = first; i < kept.end(); ++i) age_sum_ns += surface->t_ns - kept[i].t_ns;
+  kept.ForPieces(first, [&](const RayEvent* events, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) age_sum_ns += surface->t_ns - events[i].t_ns();
+  });
   if (surface->events_used) surface->t_edges_ns -= age_sum_ns / surface->events_used;
   Accumulate(first, surface->t_edges_ns, velocity_event, depth);
   Blur(accumulated, options.blur_px, &scratch, &blurred);
@@ -218,57 +399,25 @@ void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, co
                                       const SceneDepth& depth) {
   // Poses within a slice of this length are taken as one: at 1000 px/s half of it is 0.1 px.
   constexpr std::int64_t kSlice_ns = 200'000;
-  constexpr int kSub = 8;  // positions are split between four pixels in steps of 1/8: weights sum to 64
-  static_assert(kSub * kSub == kEventWeight);
   accumulated.create(camera.height(), camera.width());
   accumulated_sign.create(camera.height(), camera.width());
   accumulated.setTo(0);
   accumulated_sign.setTo(0);
-  const auto fx = static_cast<float>(undistorted.fx()), fy = static_cast<float>(undistorted.fy());
-  const auto cx = static_cast<float>(undistorted.cx()), cy = static_cast<float>(undistorted.cy());
-  const auto max_x = static_cast<float>(camera.width() - 1), max_y = static_cast<float>(camera.height() - 1);
-  const float inverse_median = depth.median_m > 0 ? static_cast<float>(1.0 / depth.median_m) : 0.0F;
-  const cv::Mat1f& grid = depth.inverse_depth;
-  const float grid_x = grid.empty() ? 0.0F : grid.cols / (max_x + 1),
-              grid_y = grid.empty() ? 0.0F : grid.rows / (max_y + 1);
-
+  EventWarp warp(undistorted, depth, &accumulated, &accumulated_sign);
   std::int64_t slice_end_ns = std::numeric_limits<std::int64_t>::min();
-  Eigen::Matrix3f R = Eigen::Matrix3f::Identity();
-  Eigen::Vector3f t = Eigen::Vector3f::Zero();
-  for (std::uint64_t i = first; i < kept.end(); ++i) {
-    const RayEvent& event = kept[i];
-    if (event.t_ns >= slice_end_ns) {
-      // T_event(t)_event(t_e) under constant velocity in the event frame.
-      const Rigid3 T_now_then = Exp(velocity_event * SecondsFromNs(event.t_ns + kSlice_ns / 2 - t_ns));
-      R = T_now_then.rotation().toRotationMatrix().cast<float>();
-      t = T_now_then.translation().cast<float>();
-      slice_end_ns = event.t_ns + kSlice_ns;
+  kept.ForPieces(first, [&](const RayEvent* next, std::size_t count) {
+    for (const RayEvent* end = next + count; next != end;) {
+      if (next->t_ns() >= slice_end_ns) {
+        // T_event(t)_event(t_e) under constant velocity in the event frame.
+        warp.SetPose(Exp(velocity_event * SecondsFromNs(next->t_ns() + kSlice_ns / 2 - t_ns)));
+        slice_end_ns = next->t_ns() + kSlice_ns;
+      }
+      const RayEvent* until = next;
+      while (until != end && until->t_ns() < slice_end_ns) ++until;
+      warp.Add(next, until);
+      next = until;
     }
-    float inverse_depth = inverse_median;
-    if (!grid.empty()) {
-      const int gx = static_cast<int>((fx * event.ray_x + cx) * grid_x),
-                gy = static_cast<int>((fy * event.ray_y + cy) * grid_y);
-      if (gx >= 0 && gy >= 0 && gx < grid.cols && gy < grid.rows) inverse_depth = grid(gy, gx);
-    }
-    const float X = R(0, 0) * event.ray_x + R(0, 1) * event.ray_y + R(0, 2) + t.x() * inverse_depth;
-    const float Y = R(1, 0) * event.ray_x + R(1, 1) * event.ray_y + R(1, 2) + t.y() * inverse_depth;
-    const float Z = R(2, 0) * event.ray_x + R(2, 1) * event.ray_y + R(2, 2) + t.z() * inverse_depth;
-    if (!(Z > 0.1F)) continue;
-    const float u = fx * X / Z + cx, v = fy * Y / Z + cy;
-    if (!(u >= 0 && v >= 0 && u < max_x && v < max_y)) continue;
-    const int u8 = static_cast<int>(u * kSub + 0.5F), v8 = static_cast<int>(v * kSub + 0.5F);
-    const int x = u8 / kSub, y = v8 / kSub, ax = u8 % kSub, ay = v8 % kSub;
-    if (x + 1 > max_x || y + 1 > max_y) continue;
-    const std::uint16_t w00 = (kSub - ax) * (kSub - ay), w10 = ax * (kSub - ay), w01 = (kSub - ax) * ay, w11 = ax * ay;
-    std::uint16_t *p = accumulated[y] + x, *q = accumulated[y + 1] + x;
-    if (p[0] > 3900 || p[1] > 3900 || q[0] > 3900 || q[1] > 3900) continue;  // keeps the blur within 16 bits
-    p[0] += w00;
-    p[1] += w10;
-    q[0] += w01;
-    q[1] += w11;
-    const int nearest_x = ax * 2 >= kSub ? x + 1 : x, nearest_y = ay * 2 >= kSub ? y + 1 : y;
-    accumulated_sign(nearest_y, nearest_x) += event.polarity ? kEventWeight : -kEventWeight;
-  }
+  });
 }
 
 void SurfaceBuilder::Impl::PreparePlainSurface() {

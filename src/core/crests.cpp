@@ -5,12 +5,9 @@
 #include <array>
 #include <cmath>
 
-#include <opencv2/core/hal/intrin.hpp>
-#include <opencv2/core/utility.hpp>
+#include "simd.h"
 
-// Beyond the baseline of x86-64, chosen at run time. Same results: no fused multiplication is among them.
-#if defined(__x86_64__) && defined(__GNUC__)
-#define DEVO_AVX2
+#ifdef DEVO_AVX2
 #include <immintrin.h>
 #endif
 
@@ -135,41 +132,8 @@ inline float Polarity(const cv::Mat1s& signed_events, int x, int y, int v) {
   return std::clamp(static_cast<float>(sum) / (6.0F * v), -1.0F, 1.0F);
 }
 
-/// Columns of pixels that may lie on a crest, of one row.
-class PeakList {
- public:
-  static constexpr int kFull = 64;
-
-  /// Those of the eight pixels from x on whose bit is set. Always writes eight: cheaper than a branch for each.
-  void Append(int x, int bits) {
-    static const Places places;
-    const cv::v_uint16x8 offsets = cv::v_load_expand(places.of[bits].data());
-    cv::v_store(x_.data() + size_, offsets + cv::v_setall_u16(static_cast<std::uint16_t>(x)));
-    size_ += places.count[bits];
-  }
-  void Clear() { size_ = 0; }
-  int size() const { return size_; }
-  int operator[](int k) const { return x_[k]; }
-
- private:
-  /// The places of the bits that are set in each byte.
-  struct Places {
-    std::array<std::array<std::uint8_t, 8>, 256> of{};
-    std::array<int, 256> count{};
-    Places() {
-      for (int bits = 0; bits < 256; ++bits) {
-        for (int place = 0; place < 8; ++place) {
-          if (bits >> place & 1) of[bits][count[bits]++] = static_cast<std::uint8_t>(place);
-        }
-      }
-    }
-  };
-  std::array<std::uint16_t, kFull + 16> x_;
-  int size_ = 0;
-};
-
 /// Appends the crests among the peaks of row y and empties the list.
-inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, PeakList* peaks,
+inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, PixelList* peaks,
                          std::vector<EdgePoint>* crests) {
   for (int first = 0; first < peaks->size(); first += 4) {
     const int count = std::min(4, peaks->size() - first), last = peaks->size() - 1;
@@ -256,19 +220,19 @@ void MarkSquaresFast(const EdgePoint* edges, int count, int radius, cv::Mat1i* n
 }
 
 #ifdef DEVO_AVX2
-/// The same with the instructions of nearly every x86 processor since 2013: a minimum of integers, eight at once.
-__attribute__((target("avx2"))) void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius,
+/// The same, eight at once.
+DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius,
                                                      cv::Mat1i* nearest) {
   const __m256i lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), none = _mm256_set1_epi32(Surface::kNoEdge);
   const __m256i radii = _mm256_set1_epi32(radius);
   const __m256 scale = _mm256_set1_ps(kFieldScale);
-  const auto square_of = [&](__m256 d) __attribute__((target("avx2"))) {
+  const auto square_of = [&](__m256 d) DEVO_AVX2 {
     return _mm256_slli_epi32(_mm256_cvttps_epi32(_mm256_mul_ps(_mm256_mul_ps(scale, d), d)), 16);
   };
   for (int k = 0; k < count; ++k) {
     const Square square(edges[k], radius, *nearest);
     const int x0 = square.AlignedX0(nearest->cols);
-    const auto columns = [&](int first) __attribute__((target("avx2"))) {
+    const auto columns = [&](int first) DEVO_AVX2 {
       const __m256i x = _mm256_add_epi32(lanes, _mm256_set1_epi32(first));
       const __m256 dx = _mm256_sub_ps(_mm256_cvtepi32_ps(x), _mm256_set1_ps(edges[k].x));
       const __m256i from_centre = _mm256_abs_epi32(_mm256_sub_epi32(x, _mm256_set1_epi32(square.cx)));
@@ -343,10 +307,10 @@ void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int th
   const int right = blurred.cols - kMargin, bottom = blurred.rows - kMargin;
   const auto floor = static_cast<std::uint16_t>(std::max(threshold, kEventWeight / 8));
   for (int y = kMargin; y < bottom && crests->size() < Surface::kMaxEdges; ++y) {
-    PeakList peaks;
+    PixelList peaks;
     for (int x = kMargin; x < right; x += 8) {
       peaks.Append(x, Peaks(&blurred(y, x), blurred.step1(), floor) & (0xFF >> std::max(x + 8 - right, 0)));
-      if (peaks.size() >= PeakList::kFull) AppendCrests(blurred, signed_events, y, &peaks, crests);
+      if (peaks.size() >= PixelList::kFull) AppendCrests(blurred, signed_events, y, &peaks, crests);
     }
     AppendCrests(blurred, signed_events, y, &peaks, crests);
   }
@@ -362,8 +326,7 @@ void BuildNearestEdgeField(const std::vector<EdgePoint>& edges, double radius_px
     return;
   }
 #ifdef DEVO_AVX2
-  static const bool has_avx2 = cv::checkHardwareSupport(CV_CPU_AVX2);
-  if (has_avx2) return MarkSquaresAvx2(edges.data(), count, radius, nearest);
+  if (HasAvx2()) return MarkSquaresAvx2(edges.data(), count, radius, nearest);
 #endif
   MarkSquaresFast(edges.data(), count, radius, nearest);
 }

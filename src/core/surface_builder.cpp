@@ -7,7 +7,7 @@
 #include <cstring>
 #include <deque>
 #include <limits>
-#include <stdexcept>
+#include <optional>
 
 #include <opencv2/core/hal/intrin.hpp>
 
@@ -15,6 +15,7 @@
 #include "devo/core/noise_filter.h"
 #include "devo/core/surface_pool.h"
 #include "devo/core/time.h"
+#include "plain_surface.h"
 
 namespace devo {
 namespace {
@@ -224,16 +225,14 @@ struct SurfaceBuilder::Impl {
         raw(compensated ? 4 * events_per_surface : 1), kept(2 * events_per_surface),
         filter(event_camera.width(), event_camera.height(), options_in.noise_window_s, options_in.noise_neighbours,
                options_in.hot_pixel_factor) {
-    if (!compensated) PreparePlainSurface();
+    if (!compensated) plain.emplace(camera, options.tau_s, options.delta);
   }
 
-  void PreparePlainSurface();
   void FilterNewEvents();
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   void RenderCompensated(const Vector6d& velocity_event, const SceneDepth& depth, Surface* surface);
   std::uint64_t FirstKeptSince(std::int64_t oldest_ns) const;
   void Accumulate(std::uint64_t first, std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& depth);
-  void RenderExponential(Surface* surface) const;
 
   SurfaceOptions options;
   Camera camera, undistorted;
@@ -261,9 +260,7 @@ struct SurfaceBuilder::Impl {
   cv::Mat1w accumulated, blurred, scratch;
   cv::Mat1s accumulated_sign;
 
-  // The paper's surface: last event of each raw pixel, and the raw pixel that each undistorted one shows.
-  std::vector<std::int64_t> last_ns;
-  cv::Mat1i source_pixel;
+  std::optional<PlainSurface> plain;  // with the exponential method
 };
 
 SurfaceBuilder::SurfaceBuilder(const Camera& event_camera, const SurfaceOptions& options)
@@ -281,7 +278,7 @@ void SurfaceBuilder::Reset() {
   impl_->pass_share = 0.5;
   impl_->progress.clear();
   impl_->last_event_ns = std::numeric_limits<std::int64_t>::min();
-  std::fill(impl_->last_ns.begin(), impl_->last_ns.end(), std::numeric_limits<std::int64_t>::min());
+  if (impl_->plain) impl_->plain->Reset();
   ++impl_->epoch;
 }
 
@@ -302,7 +299,7 @@ void SurfaceBuilder::Insert(EventSpan events) {
     if (m.compensated) {
       m.raw.Push(event);
     } else {
-      m.last_ns[static_cast<std::size_t>(event.y) * w + event.x] = event.t_ns;
+      m.plain->Add(event);
     }
   }
   m.last_event_ns = last_ns;
@@ -321,7 +318,7 @@ SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const Vector6d& velocity_ev
     m.RenderCompensated(velocity_event, scene_depth, surface.get());
   } else {
     m.MeasureRates(t_ns, surface.get());
-    m.RenderExponential(surface.get());
+    m.plain->Render(surface.get());
   }
   m.counters.used += surface->events_used;
   return surface;
@@ -418,48 +415,6 @@ void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, co
       next = until;
     }
   });
-}
-
-void SurfaceBuilder::Impl::PreparePlainSurface() {
-  last_ns.assign(static_cast<std::size_t>(camera.width()) * camera.height(), std::numeric_limits<std::int64_t>::min());
-  source_pixel.create(camera.height(), camera.width());
-  for (int y = 0; y < camera.height(); ++y) {
-    for (int x = 0; x < camera.width(); ++x) {
-      const Eigen::Vector3d ray((x - undistorted.cx()) / undistorted.fx(), (y - undistorted.cy()) / undistorted.fy(),
-                                1);
-      const auto u = camera.Project(ray);
-      source_pixel(y, x) = u && camera.Contains(*u) ? static_cast<int>(std::lround(u->y())) * camera.width() +
-                                                          static_cast<int>(std::lround(u->x()))
-                                                    : -1;
-    }
-  }
-}
-
-void SurfaceBuilder::Impl::RenderExponential(Surface* surface) const {
-  // exp(-age / tau) in 255 levels is exactly 0 beyond this age.
-  const double max_age_s = options.tau_s * std::log(2 * 255.0);
-  const std::int64_t oldest_ns = surface->t_ns - NsFromSeconds(max_age_s);
-  const auto decay = static_cast<float>(-1e-9 / options.tau_s);
-  const double threshold = 255 * options.delta;
-  std::int64_t oldest_used_ns = surface->t_ns;
-  for (int y = 0; y < surface->height(); ++y) {
-    const int* source = source_pixel[y];
-    std::uint8_t* value = surface->image[y];
-    for (int x = 0; x < surface->width(); ++x) {
-      const std::int64_t t_ns = source[x] < 0 ? std::numeric_limits<std::int64_t>::min() : last_ns[source[x]];
-      value[x] = 0;
-      if (t_ns < oldest_ns) continue;
-      value[x] =
-          static_cast<std::uint8_t>(std::lround(255 * std::exp(decay * static_cast<float>(surface->t_ns - t_ns))));
-      oldest_used_ns = std::min(oldest_used_ns, t_ns);
-      ++surface->events_used;
-      const bool inner = x >= 3 && y >= 3 && x < surface->width() - 3 && y < surface->height() - 3;
-      if (inner && value[x] > threshold) {
-        surface->edges.push_back({static_cast<float>(x), static_cast<float>(y), 0, 0, value[x] / 255.0F, 0});
-      }
-    }
-  }
-  surface->window_s = SecondsFromNs(surface->t_ns - oldest_used_ns);
 }
 
 }  // namespace devo

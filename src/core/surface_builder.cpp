@@ -398,8 +398,8 @@ void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, co
   constexpr std::int64_t kSlice_ns = 200'000;
   accumulated.create(camera.height(), camera.width());
   accumulated_sign.create(camera.height(), camera.width());
-  accumulated.setTo(0);
-  accumulated_sign.setTo(0);
+  std::memset(accumulated.data, 0, accumulated.total() * accumulated.elemSize());
+  std::memset(accumulated_sign.data, 0, accumulated_sign.total() * accumulated_sign.elemSize());
   EventWarp warp(undistorted, depth, &accumulated, &accumulated_sign);
   std::int64_t slice_end_ns = std::numeric_limits<std::int64_t>::min();
   kept.ForPieces(first, [&](const RayEvent* next, std::size_t count) {

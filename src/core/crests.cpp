@@ -14,6 +14,7 @@
 namespace devo {
 namespace {
 
+constexpr int kScratchRows = 8;
 constexpr int kMargin = 3;  // pixels at the border that have no crests
 constexpr float kMaxOffset_px = 0.6F;
 constexpr float kSide_px = 2.5F;
@@ -51,15 +52,15 @@ DEVO_ALWAYS_INLINE void WeightFive(const std::array<const std::uint16_t*, 5>& p,
 DEVO_ALWAYS_INLINE void BlurRows(const cv::Mat1w& in, const std::array<int, 3>& kernel, cv::Mat1w* scratch,
                                  cv::Mat1w* out) {
   const int w = in.cols, h = in.rows;
+  // Blurred along themselves, the last few rows stay in the first cache until they are blurred across.
+  const auto along = [scratch](int y) { return (*scratch)[y % kScratchRows]; };
   for (int y = 0; y < h; ++y) {
     const std::uint16_t* p = in[y];
-    std::uint16_t* q = (*scratch)[y];
+    std::uint16_t* q = along(y);
     q[0] = q[1] = q[w - 2] = q[w - 1] = 0;
     WeightFive({p, p + 1, p + 2, p + 3, p + 4}, kernel, w - 4, q + 2);
-    // The row two above now has all that it needs, still in the first cache.
     if (y < 4) continue;
-    const cv::Mat1w& s = *scratch;
-    WeightFive({s[y - 4], s[y - 3], s[y - 2], s[y - 1], s[y]}, kernel, w, (*out)[y - 2]);
+    WeightFive({along(y - 4), along(y - 3), along(y - 2), along(y - 1), q}, kernel, w, (*out)[y - 2]);
   }
   for (const int y : {0, 1, h - 2, h - 1}) std::fill((*out)[y], (*out)[y] + w, std::uint16_t{0});
 }
@@ -222,8 +223,8 @@ inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_event
     const int last = peaks->size() - 1;
     Columns x;
     for (int k = 0; k < 4; ++k) x[k] = (*peaks)[std::min(first + k, last)];
-    count += WriteCrests(blurred, signed_events, y, x, std::min(4, peaks->size() - first),
-                         found.data() + kFloats * count);
+    count +=
+        WriteCrests(blurred, signed_events, y, x, std::min(4, peaks->size() - first), found.data() + kFloats * count);
   }
   const auto* edges = reinterpret_cast<const EdgePoint*>(found.data());
   crests->insert(crests->end(), edges, edges + count);
@@ -252,9 +253,26 @@ struct Square {
 
 std::int32_t PackedSquare(float d) { return static_cast<std::int32_t>(kFieldScale * d * d) << 16; }
 
+/// Empties the rows of a field just before they are marked, while they are in a near cache anyway.
+class RowsToFill {
+ public:
+  explicit RowsToFill(cv::Mat1i* field) : field_(field) {}
+  void Until(int last_row) {
+    for (; next_ <= last_row; ++next_) {
+      std::int32_t* row = (*field_)[next_];
+      std::fill(row, row + field_->cols, Surface::kNoEdge);
+    }
+  }
+
+ private:
+  cv::Mat1i* field_;
+  int next_ = 0;
+};
+
 /// Lets edge `k` claim the pixels of its square to which it is the nearest so far.
-void MarkSquare(const EdgePoint& edge, int k, int radius, cv::Mat1i* nearest) {
+void MarkSquare(const EdgePoint& edge, int k, int radius, RowsToFill* rows, cv::Mat1i* nearest) {
   const Square square(edge, radius, *nearest);
+  rows->Until(square.y1);
   std::array<std::int32_t, 2 * kMaxFieldRadius + 1> dx2;
   const int columns = std::min(square.cx + radius, nearest->cols - 1) + 1 - square.x0;
   for (int i = 0; i < columns; ++i) dx2[i] = PackedSquare(static_cast<float>(square.x0 + i) - edge.x);
@@ -266,18 +284,18 @@ void MarkSquare(const EdgePoint& edge, int k, int radius, cv::Mat1i* nearest) {
 }
 
 /// The same for all edges, up to kFastRadius and in images at least kFastWidth wide.
-void MarkSquaresFast(const EdgePoint* edges, int count, int radius, cv::Mat1i* nearest) {
+void MarkSquaresFast(const EdgePoint* edges, int count, int radius, RowsToFill* rows, cv::Mat1i* nearest) {
   constexpr int kLanes = 4, kRegisters = kFastWidth / kLanes;
   const cv::v_int32x4 lanes(0, 1, 2, 3), none = cv::v_setall_s32(Surface::kNoEdge);
   for (int k = 0; k < count; ++k) {
     const Square square(edges[k], radius, *nearest);
+    rows->Until(square.y1);
     const int x0 = square.AlignedX0(nearest->cols);
     cv::v_int32x4 dx2[kRegisters];
     for (int r = 0; r < kRegisters; ++r) {
       const cv::v_int32x4 x = lanes + cv::v_setall_s32(x0 + r * kLanes), cx = cv::v_setall_s32(square.cx);
       const cv::v_float32x4 dx = cv::v_cvt_f32(x) - cv::v_setall_f32(edges[k].x);
-      const cv::v_int32x4 in_square =
-          (x + cv::v_setall_s32(radius) >= cx) & (x <= cx + cv::v_setall_s32(radius));
+      const cv::v_int32x4 in_square = (x + cv::v_setall_s32(radius) >= cx) & (x <= cx + cv::v_setall_s32(radius));
       const cv::v_int32x4 packed = cv::v_trunc(cv::v_setall_f32(kFieldScale) * dx * dx) << 16;
       dx2[r] = cv::v_select(in_square, packed, none);
     }
@@ -294,7 +312,7 @@ void MarkSquaresFast(const EdgePoint* edges, int count, int radius, cv::Mat1i* n
 
 #ifdef DEVO_AVX2
 /// The same, eight at once.
-DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius, cv::Mat1i* nearest) {
+DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius, RowsToFill* rows, cv::Mat1i* nearest) {
   const __m256i lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), none = _mm256_set1_epi32(Surface::kNoEdge);
   const __m256i radii = _mm256_set1_epi32(radius);
   const __m256 scale = _mm256_set1_ps(kFieldScale);
@@ -305,6 +323,7 @@ DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius, cv
   const std::size_t stride = nearest->step1();
   for (int k = 0; k < count; ++k) {
     const Square square(edges[k], radius, *nearest);
+    rows->Until(square.y1);
     const int x0 = square.AlignedX0(nearest->cols);
     const auto columns = [&](int first) DEVO_AVX2 {
       const __m256i x = _mm256_add_epi32(lanes, _mm256_set1_epi32(first));
@@ -334,7 +353,7 @@ DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius, cv
 
 void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* out) {
   const auto kernel = KernelFor(sigma_px);
-  scratch->create(in.size());
+  scratch->create(kScratchRows, in.cols);
   out->create(in.size());
 #ifdef DEVO_AVX2
   if (HasAvx2()) return BlurAvx2(in, kernel, scratch, out);
@@ -386,16 +405,18 @@ void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int th
 
 void BuildNearestEdgeField(const std::vector<EdgePoint>& edges, double radius_px, cv::Mat1i* nearest) {
   const int radius = std::min(static_cast<int>(std::lround(radius_px)), kMaxFieldRadius);
-  for (int y = 0; y < nearest->rows; ++y) std::fill((*nearest)[y], (*nearest)[y] + nearest->cols, Surface::kNoEdge);
   const int count = static_cast<int>(std::min(edges.size(), Surface::kMaxEdges));
+  RowsToFill rows(nearest);
   if (radius > kFastRadius || nearest->cols < kFastWidth) {
-    for (int k = 0; k < count; ++k) MarkSquare(edges[k], k, radius, nearest);
-    return;
-  }
+    for (int k = 0; k < count; ++k) MarkSquare(edges[k], k, radius, &rows, nearest);
 #ifdef DEVO_AVX2
-  if (HasAvx2()) return MarkSquaresAvx2(edges.data(), count, radius, nearest);
+  } else if (HasAvx2()) {
+    MarkSquaresAvx2(edges.data(), count, radius, &rows, nearest);
 #endif
-  MarkSquaresFast(edges.data(), count, radius, nearest);
+  } else {
+    MarkSquaresFast(edges.data(), count, radius, &rows, nearest);
+  }
+  rows.Until(nearest->rows - 1);
 }
 
 }  // namespace devo

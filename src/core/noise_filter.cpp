@@ -5,9 +5,8 @@
 #include <array>
 #include <cmath>
 
-#include <opencv2/core/hal/intrin.hpp>
-
 #include "devo/core/time.h"
+#include "simd.h"
 
 namespace devo {
 namespace {
@@ -23,22 +22,14 @@ constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQ
 // Passing noise of this rate is a third of the least activity of a motion.
 constexpr double kTolerableNoise_hz = 0.05;
 
-// A pixel is one word: in the lower half the tick at which it last fired, wrapping; in the upper half how many events it
-// had in this period, and whether it is hot. An event reads nine of them, so that their size decides the cost.
+// A pixel is one word: in the lower half the tick at which it last fired, wrapping; in the upper half how many events
+// it had in this period, and whether it is hot. An event reads nine of them, so that their size decides the cost.
 constexpr std::uint32_t kTickMask = 0xFFFF, kOneEvent = 0x10000, kCountMask = 0x7FFF0000, kHotBit = 0x80000000;
 constexpr std::int64_t kLongAgo_ticks = 1 << 14;  // longer than any window: from then on age is not told apart
 constexpr std::int64_t kForgettingPeriod_ticks = 1 << 15;
 static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= 1 << 16, "what is long ago must not come round");
 
-constexpr std::ptrdiff_t kAhead = 12;  // events: about the time that the third cache takes to answer
-
-inline void Prefetch(const void* address) {
-#ifdef __GNUC__
-  __builtin_prefetch(address, 1);
-#else
-  static_cast<void>(address);
-#endif
-}
+constexpr std::ptrdiff_t kAhead = 16;  // events: about the time that the third cache takes to answer
 
 inline std::uint32_t CountOf(std::uint32_t pixel) { return (pixel & kCountMask) / kOneEvent; }
 
@@ -88,9 +79,10 @@ std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
     if (TicksAt(next->t_ns) - forgot_ticks_ >= kForgettingPeriod_ticks) ForgetLongAgo(TicksAt(next->t_ns));
     const std::int64_t forget_us = (forgot_ticks_ + kForgettingPeriod_ticks) << tick_shift_;
     const std::int64_t end_ns = std::min(next_update_ns_, t0_ns_ + forget_us * kNsPerMicrosecond);
-    const Event* until = events.end()[-1].t_ns < end_ns
-                             ? events.end()
-                             : std::partition_point(next, events.end(), [&](const Event& e) { return e.t_ns < end_ns; });
+    const Event* until =
+        events.end()[-1].t_ns < end_ns
+            ? events.end()
+            : std::partition_point(next, events.end(), [&](const Event& e) { return e.t_ns < end_ns; });
     const EventSpan piece(next, static_cast<std::size_t>(until - next));
     const auto position = static_cast<std::uint32_t>(next - events.begin());
     count += min_neighbours_ > 0 ? PassPiece<true>(piece, position, passed + count)
@@ -100,7 +92,9 @@ std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
   return count;
 }
 
-std::int64_t NoiseFilter::TicksAt(std::int64_t t_ns) const { return (t_ns - t0_ns_) / kNsPerMicrosecond >> tick_shift_; }
+std::int64_t NoiseFilter::TicksAt(std::int64_t t_ns) const {
+  return (t_ns - t0_ns_) / kNsPerMicrosecond >> tick_shift_;
+}
 
 template <bool kAskNeighbours>
 std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed) {
@@ -113,7 +107,8 @@ std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std
   const auto pixel_of = [&](const Event& e) { return pixels + static_cast<std::size_t>(e.y + 1) * stride + e.x + 1; };
   for (const Event& event : events) {
     // Events jump about in the image: what a later one will need is fetched while this one is judged.
-    const std::uint32_t* const later = pixel_of(*(&event + std::min<std::ptrdiff_t>(kAhead, events.end() - 1 - &event)));
+    const std::uint32_t* const later =
+        pixel_of(*(&event + std::min<std::ptrdiff_t>(kAhead, events.end() - 1 - &event)));
     Prefetch(later - stride);
     Prefetch(later);
     Prefetch(later + stride);
@@ -211,9 +206,8 @@ void NoiseFilter::ForgetLongAgo(std::int64_t ticks) {
   // After a gap this long, every pixel has been silent for long.
   const bool all = ticks - forgot_ticks_ >= kForgettingPeriod_ticks + kLongAgo_ticks;
   const auto now = static_cast<std::uint32_t>(ticks), long_ago = static_cast<std::uint32_t>(ticks - kLongAgo_ticks);
-  const std::uint32_t oldest_kept = all ? 0 : kLongAgo_ticks;
   for (std::uint32_t& pixel : pixels_) {
-    const bool forget = ((now - pixel) & kTickMask) > oldest_kept;
+    const bool forget = all | (((now - pixel) & kTickMask) > kLongAgo_ticks);
     pixel = forget ? (pixel & ~kTickMask) | (long_ago & kTickMask) : pixel;
   }
   forgot_ticks_ = ticks;

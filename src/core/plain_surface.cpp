@@ -122,9 +122,10 @@ void PlainSurface::ForgetLongAgo(std::int64_t t_ns) {
   const std::int64_t period_ns = kForgettingPeriod_ticks << tick_shift_;
   const std::int64_t long_ago_ns = std::int64_t{kLongAgo_ticks} << tick_shift_;
   // After a gap this long, every pixel has been silent for long.
-  const bool all = forgot_ns_ == std::numeric_limits<std::int64_t>::min() || t_ns - forgot_ns_ >= period_ns + long_ago_ns;
-  const std::uint32_t now = TicksAt(t_ns), oldest_kept = all ? 0 : kLongAgo_ticks;
-  for (std::uint32_t& last : last_ticks_) last = all || now - last > oldest_kept ? now - kLongAgo_ticks : last;
+  const bool all =
+      forgot_ns_ == std::numeric_limits<std::int64_t>::min() || t_ns - forgot_ns_ >= period_ns + long_ago_ns;
+  const std::uint32_t now = TicksAt(t_ns);
+  for (std::uint32_t& last : last_ticks_) last = all || now - last > kLongAgo_ticks ? now - kLongAgo_ticks : last;
   forgot_ns_ = t_ns;
   next_forgetting_ns_ = t_ns + period_ns;
 }

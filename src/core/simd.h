@@ -23,9 +23,16 @@
 
 namespace devo {
 
-inline bool HasAvx2() {
-  static const bool has = cv::checkHardwareSupport(CV_CPU_AVX2);
-  return has;
+/// False also after cv::setUseOptimized(false).
+inline bool HasAvx2() { return cv::checkHardwareSupport(CV_CPU_AVX2); }
+
+/// Has what will be written soon fetched meanwhile.
+inline void Prefetch(const void* address) {
+#ifdef __GNUC__
+  __builtin_prefetch(address, 1);
+#else
+  static_cast<void>(address);
+#endif
 }
 
 /// Columns of chosen pixels of one row.

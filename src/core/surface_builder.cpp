@@ -5,16 +5,14 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <deque>
 #include <limits>
 #include <optional>
-
-#include <opencv2/core/hal/intrin.hpp>
 
 #include "devo/core/crests.h"
 #include "devo/core/noise_filter.h"
 #include "devo/core/surface_pool.h"
 #include "devo/core/time.h"
+#include "event_warp.h"
 #include "plain_surface.h"
 
 namespace devo {
@@ -49,16 +47,6 @@ class RayLookup {
   std::vector<float> x_, y_;
 };
 
-/// An event that passed the noise filter, with its viewing ray (x, y, 1). Small: a surface reads ten thousands.
-struct RayEvent {
-  std::int64_t doubled_t_ns;  // plus the polarity
-  float ray_x, ray_y;
-
-  std::int64_t t_ns() const { return doubled_t_ns >> 1; }
-  int polarity() const { return static_cast<int>(doubled_t_ns & 1); }
-};
-static_assert(sizeof(RayEvent) == 16, "four are transposed at a time");
-
 /// Fixed-capacity history of the newest elements, no allocation after construction.
 template <typename T>
 class Ring {
@@ -92,134 +80,12 @@ class Ring {
   std::uint64_t end_ = 0;
 };
 
-/// Moves events to where their edges are at the surface's time and counts them there.
-class EventWarp {
- public:
-  /// Both images have the camera's size.
-  EventWarp(const Camera& undistorted, const SceneDepth& depth, cv::Mat1w* accumulated, cv::Mat1s* accumulated_sign)
-      : fx_(cv::v_setall_f32(static_cast<float>(undistorted.fx()))),
-        fy_(cv::v_setall_f32(static_cast<float>(undistorted.fy()))),
-        cx_(cv::v_setall_f32(static_cast<float>(undistorted.cx()))),
-        cy_(cv::v_setall_f32(static_cast<float>(undistorted.cy()))), width_(undistorted.width()),
-        height_(undistorted.height()), inverse_median_(depth.median_m > 0 ? static_cast<float>(1 / depth.median_m) : 0),
-        grid_(depth.inverse_depth), grid_x_(grid_.cols / static_cast<float>(width_)),
-        grid_y_(grid_.rows / static_cast<float>(height_)), sums_(accumulated->ptr<std::uint16_t>()),
-        signs_(accumulated_sign->ptr<std::int16_t>()) {
-    for (int share = 0; share < kSub * kSub; ++share) shares_[share] = Share(share % kSub, share / kSub, width_);
-    SetPose(Rigid3());
-  }
-
-  void SetPose(const Rigid3& T_now_then) {
-    const Eigen::Matrix3f R = T_now_then.rotation().toRotationMatrix().cast<float>();
-    const Eigen::Vector3f t = T_now_then.translation().cast<float>();
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) R_[row][column] = cv::v_setall_f32(R(row, column));
-      t_[row] = cv::v_setall_f32(t[row]);
-    }
-  }
-
-  void Add(const RayEvent* next, const RayEvent* end) {
-    for (; end - next >= 4; next += 4) AddFour(next, 4);
-    if (next == end) return;
-    std::array<RayEvent, 4> rest{};
-    std::copy(next, end, rest.begin());
-    AddFour(rest.data(), static_cast<int>(end - next));
-  }
-
- private:
-  static constexpr int kSub = 8;  // positions are split between four pixels in steps of 1/8: weights sum to 64
-  static_assert(kSub * kSub == kEventWeight);
-
-  /// What an event at a fraction of a pixel adds to the four pixels around it: two in a word, as they lie in memory.
-  struct Share {
-    std::uint32_t upper = 0, lower = 0;
-    std::int32_t nearest = 0;  // pixel, from the upper left one
-
-    Share() = default;
-    Share(int ax, int ay, int width) : nearest((2 * ay >= kSub ? width : 0) + (2 * ax >= kSub ? 1 : 0)) {
-      const auto pair = [](int left, int right, std::uint32_t* word) {
-        const std::array<std::uint16_t, 2> both = {static_cast<std::uint16_t>(left), static_cast<std::uint16_t>(right)};
-        std::memcpy(word, both.data(), sizeof(*word));
-      };
-      pair((kSub - ax) * (kSub - ay), ax * (kSub - ay), &upper);
-      pair((kSub - ax) * ay, ax * ay, &lower);
-    }
-  };
-
-  cv::v_float32x4 InverseDepth(const cv::v_float32x4& ray_x, const cv::v_float32x4& ray_y) const {
-    if (grid_.empty()) return cv::v_setall_f32(inverse_median_);
-    alignas(16) std::array<int, 4> gx, gy;
-    alignas(16) std::array<float, 4> inverse_depth;
-    cv::v_store(gx.data(), cv::v_trunc((fx_ * ray_x + cx_) * cv::v_setall_f32(grid_x_)));
-    cv::v_store(gy.data(), cv::v_trunc((fy_ * ray_y + cy_) * cv::v_setall_f32(grid_y_)));
-    for (int k = 0; k < 4; ++k) {
-      const bool inside = gx[k] >= 0 && gy[k] >= 0 && gx[k] < grid_.cols && gy[k] < grid_.rows;
-      inverse_depth[k] = inside ? grid_(gy[k], gx[k]) : inverse_median_;
-    }
-    return cv::v_load(inverse_depth.data());
-  }
-
-  void AddFour(const RayEvent* events, int count) {
-    const auto all = [](float value) { return cv::v_setall_f32(value); };
-    cv::v_float32x4 unused, x, y;
-    cv::v_transpose4x4(Load(events), Load(events + 1), Load(events + 2), Load(events + 3), unused, unused, x, y);
-    const auto inverse_depth = InverseDepth(x, y);
-    const auto X = R_[0][0] * x + R_[0][1] * y + R_[0][2] + t_[0] * inverse_depth;
-    const auto Y = R_[1][0] * x + R_[1][1] * y + R_[1][2] + t_[1] * inverse_depth;
-    const auto Z = R_[2][0] * x + R_[2][1] * y + R_[2][2] + t_[2] * inverse_depth;
-    const auto u = fx_ * X / Z + cx_, v = fy_ * Y / Z + cy_;
-    const auto u8 = cv::v_trunc(u * all(kSub) + all(0.5F)), v8 = cv::v_trunc(v * all(kSub) + all(0.5F));
-    // Rounding may take the last eighth of a pixel to the next one.
-    const auto last_u = all(static_cast<float>(width_ - 1)), last_v = all(static_cast<float>(height_ - 1));
-    const auto inside = (Z > all(0.1F)) & (u >= all(0)) & (v >= all(0)) & (u < last_u) & (v < last_v) &
-                        cv::v_reinterpret_as_f32((u8 < cv::v_setall_s32(kSub * (width_ - 1))) &
-                                                 (v8 < cv::v_setall_s32(kSub * (height_ - 1))));
-    const int inside_bits = cv::v_signmask(inside) & ((1 << count) - 1);
-    alignas(16) std::array<int, 4> column, row, share;
-    cv::v_store(column.data(), u8 >> 3);
-    cv::v_store(row.data(), v8 >> 3);
-    const auto fraction = cv::v_setall_s32(kSub - 1);
-    cv::v_store(share.data(), ((v8 & fraction) << 3) + (u8 & fraction));
-    for (int k = 0; k < 4; ++k) {
-      if (!(inside_bits >> k & 1)) continue;
-      Count(std::ptrdiff_t{row[k]} * width_ + column[k], shares_[share[k]], events[k].polarity());
-    }
-  }
-
-  static cv::v_float32x4 Load(const RayEvent* event) { return cv::v_load(reinterpret_cast<const float*>(event)); }
-
-  void Count(std::ptrdiff_t pixel, const Share& share, int polarity) {
-    std::uint16_t *upper = sums_ + pixel, *lower = upper + width_;
-    std::uint32_t upper_pair, lower_pair;
-    std::memcpy(&upper_pair, upper, sizeof(upper_pair));
-    std::memcpy(&lower_pair, lower, sizeof(lower_pair));
-    // None of the four beyond 3900 keeps the blur within 16 bits: adding 195 then leaves bit 12 clear.
-    constexpr std::uint32_t kMargin = 195 * 0x10001U, kFull = 0x1000 * 0x10001U;
-    if (((upper_pair + kMargin) | (lower_pair + kMargin)) & kFull) return;
-    upper_pair += share.upper;
-    lower_pair += share.lower;
-    std::memcpy(upper, &upper_pair, sizeof(upper_pair));
-    std::memcpy(lower, &lower_pair, sizeof(lower_pair));
-    signs_[pixel + share.nearest] += static_cast<std::int16_t>(kEventWeight * (2 * polarity - 1));
-  }
-
-  cv::v_float32x4 fx_, fy_, cx_, cy_;
-  cv::v_float32x4 R_[3][3], t_[3];
-  int width_, height_;
-  float inverse_median_;
-  const cv::Mat1f& grid_;
-  float grid_x_, grid_y_;
-  std::uint16_t* sums_;
-  std::int16_t* signs_;
-  std::array<Share, kSub * kSub> shares_;
-};
-
 }  // namespace
 
 struct SurfaceBuilder::Impl {
   Impl(const Camera& event_camera, const SurfaceOptions& options_in)
-      : options(options_in), camera(event_camera), undistorted(event_camera.Undistorted()),
-        rays(event_camera), compensated(options_in.method == "motion_compensated"),
+      : options(options_in), camera(event_camera), undistorted(event_camera.Undistorted()), rays(event_camera),
+        compensated(options_in.method == "motion_compensated"),
         events_per_surface(std::max<std::size_t>(
             500, static_cast<std::size_t>(options_in.event_share * event_camera.width() * event_camera.height()))),
         raw(compensated ? 4 * events_per_surface : 1), kept(2 * events_per_surface),
@@ -255,7 +121,7 @@ struct SurfaceBuilder::Impl {
     std::int64_t t_ns;
     std::uint64_t in, passed;
   };
-  std::deque<Progress> progress;  // one per surface, spanning the rate window
+  std::vector<Progress> progress;  // one per surface, spanning the rate window: a few
 
   cv::Mat1w accumulated, blurred, scratch;
   cv::Mat1s accumulated_sign;
@@ -350,7 +216,7 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
 void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   // When events come faster than surfaces use them, only some went through the filter: scale by the share.
   progress.push_back({t_ns, counters.in, compensated ? kept.end() : counters.in});
-  while (progress.size() > 2 && progress[1].t_ns <= t_ns - kRateWindow_ns) progress.pop_front();
+  while (progress.size() > 2 && progress[1].t_ns <= t_ns - kRateWindow_ns) progress.erase(progress.begin());
   const Progress &a = progress.front(), &b = progress.back();
   const double span_s = std::max(SecondsFromNs(b.t_ns - a.t_ns), 0.5 / options.rate_hz);
   surface->event_rate_hz = static_cast<double>(b.in - a.in) / span_s;

@@ -18,8 +18,8 @@ class NoiseFilter {
   /// as its neighbours is hot, 0: none is.
   NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor);
 
-  /// Writes the positions (0 to events.size - 1, rising) of those events that are signal to `passed`, which has room for
-  /// all, and returns how many there are. Events must lie in the image and come in the order of their time; where a
+  /// Writes the positions (0 to events.size - 1, rising) of those events that are signal to `passed`, which has room
+  /// for all, and returns how many there are. Events must lie in the image and come in the order of their time; where a
   /// stream is cut into spans makes no difference.
   std::size_t Pass(EventSpan events, std::uint32_t* passed);
 

@@ -109,8 +109,8 @@ void RenderSurface(benchmark::State& state, const char* method) {
 BENCHMARK_CAPTURE(RenderSurface, motion_compensated, "motion_compensated")->Apply(Resolutions);
 BENCHMARK_CAPTURE(RenderSurface, exponential, "exponential")->Apply(Resolutions);
 
-/// The same on edges as a room has them, with the sensor's noise: the first half second, over and over. The mean over quiet
-/// and fast parts.
+/// The same on edges as a room has them, with the sensor's noise: the first half second, over and over. The mean over
+/// quiet and fast parts.
 void RenderSimulatedTable(benchmark::State& state) {
   static const SimulatedTable table(0.5);
   std::vector<SimulatedTable::Period> periods = table.periods();

@@ -20,12 +20,13 @@ constexpr std::int64_t kForgettingPeriod_ticks = std::int64_t{1} << 30;
 
 constexpr int kSegment = 32;  // pixels that are looked at together, and left dark together
 
-/// 255 * 2^-x for x from 0 to 10, to the nearest integer: the whole part in the exponent's bits, the rest by its Taylor
-/// series to 3e-6. Without calls or branches, so that the compiler vectorises a loop of it.
-DEVO_ALWAYS_INLINE std::int32_t Decayed255(float x) {
+/// 255 * 2^-x for x from 0 to 10: the whole part in the exponent's bits, the rest by its Taylor series. Without calls
+/// or branches, so that the compiler vectorises a loop of it.
+DEVO_ALWAYS_INLINE float Decayed255(float x) {
   const auto whole = static_cast<std::int32_t>(x + 0.5F);
   const float rest = -0.693147181F * (x - static_cast<float>(whole));
-  float power = 1 + rest * (1.0F / 5);
+  float power = 1 + rest * (1.0F / 6);
+  power = 1 + rest * (1.0F / 5) * power;
   power = 1 + rest * (1.0F / 4) * power;
   power = 1 + rest * (1.0F / 3) * power;
   power = 1 + rest * (1.0F / 2) * power;
@@ -33,16 +34,27 @@ DEVO_ALWAYS_INLINE std::int32_t Decayed255(float x) {
   const std::int32_t scale_bits = (127 - whole) << 23;
   float scale;
   std::memcpy(&scale, &scale_bits, sizeof(scale));
-  return static_cast<std::int32_t>(255 * scale * power + 0.5F);
+  return 255 * scale * power;
 }
+constexpr float kDoubt = 2e-4F;  // the most by which it may be wrong, and more
 
 /// What a row is made of, and what was seen in it.
 struct Decay {
   std::uint32_t now;
   std::int32_t max_age;
-  float halvings_per_tick;
+  float halvings_per_tick, exponent_per_tick;
   std::int32_t used = 0, oldest = 0;
 };
+
+/// Where a value lies so near the middle between two levels that only the library's exponential tells which it is.
+void DecayExactly(const std::uint32_t* ticks, int count, const Decay& decay, std::uint8_t* values) {
+  for (int x = 0; x < count; ++x) {
+    const auto age = static_cast<std::int32_t>(decay.now - ticks[x]);
+    if (age > decay.max_age) continue;
+    values[x] = static_cast<std::uint8_t>(
+        std::lround(255 * std::exp(decay.exponent_per_tick * static_cast<float>(std::max(age, 0)))));
+  }
+}
 
 DEVO_ALWAYS_INLINE void DecaySegment(const std::uint32_t* ticks, int count, std::uint8_t* values, Decay* decay) {
   const std::uint32_t now = decay->now;
@@ -55,12 +67,18 @@ DEVO_ALWAYS_INLINE void DecaySegment(const std::uint32_t* ticks, int count, std:
     std::memset(values, 0, static_cast<std::size_t>(count));
     return;
   }
+  std::int32_t doubtful = 0;
   for (int x = 0; x < count; ++x) {
     const auto age = static_cast<std::int32_t>(now - ticks[x]);
     const std::int32_t bright = age <= max_age ? -1 : 0;
-    values[x] = static_cast<std::uint8_t>(Decayed255(halvings_per_tick * static_cast<float>(age & bright)) & bright);
+    const float value = Decayed255(halvings_per_tick * static_cast<float>(age & bright)) + 0.5F;
+    const auto whole = static_cast<std::int32_t>(value);
+    const float rest = value - static_cast<float>(whole);
+    doubtful |= static_cast<std::int32_t>(rest < kDoubt) | static_cast<std::int32_t>(rest > 1 - kDoubt);
+    values[x] = static_cast<std::uint8_t>(whole & bright);
     oldest = std::max(oldest, age & bright);
   }
+  if (doubtful) DecayExactly(ticks, count, *decay, values);
   decay->oldest = std::max(decay->oldest, oldest);
 }
 
@@ -147,6 +165,7 @@ void PlainSurface::Render(Surface* surface) {
   decay.now = TicksAt(surface->t_ns);
   decay.max_age = max_age_ticks_;
   decay.halvings_per_tick = static_cast<float>(std::ldexp(1e-9, tick_shift_) / (tau_s_ * std::log(2.0)));
+  decay.exponent_per_tick = static_cast<float>(std::ldexp(-1e-9 / tau_s_, tick_shift_));
   for (int y = 0; y < camera_.height(); ++y) {
     const int used = decay.used;
     decay_row(TicksOfRow(y), camera_.width(), surface->image[y], &decay);

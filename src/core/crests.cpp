@@ -5,11 +5,17 @@
 #include <array>
 #include <cmath>
 
-#include <opencv2/core/hal/intrin.hpp>
+#include "simd.h"
+
+#ifdef DEVO_AVX2
+#include <immintrin.h>
+#endif
 
 namespace devo {
 namespace {
 
+constexpr int kScratchRows = 8;
+constexpr int kMargin = 3;  // pixels at the border that have no crests
 constexpr float kMaxOffset_px = 0.6F;
 constexpr float kSide_px = 2.5F;
 constexpr float kMaxSideShare = 0.6F;
@@ -31,83 +37,328 @@ std::array<int, 3> KernelFor(double sigma_px) {
   return best;
 }
 
-/// Whether a crest rises above both its sides. In texture finer than the sensor resolves, ridges lie side by side
-/// with no valley between them: something is always near, so they say nothing of the pose.
-inline bool StandsOut(const cv::Mat1w& blurred, int x, int y, float nx, float ny, int v) {
-  const int dx = static_cast<int>(std::lround(kSide_px * nx)), dy = static_cast<int>(std::lround(kSide_px * ny));
-  const int sides = std::max(blurred(y + dy, x + dx), blurred(y - dy, x - dx));
-  return static_cast<float>(sides) < kMaxSideShare * static_cast<float>(v);
+/// Sums of five places, weighted by the kernel. 16-bit arithmetic, as many at once as registers hold: values stay below
+/// 4096, so sums below 65536.
+DEVO_ALWAYS_INLINE void WeightFive(const std::array<const std::uint16_t*, 5>& p, const std::array<int, 3>& kernel,
+                                   int count, std::uint16_t* q) {
+  const auto [a, b, c] = kernel;
+  const std::uint16_t ka = a, kb = b, kc = c;
+  for (int x = 0; x < count; ++x) {
+    const std::uint16_t inner = p[1][x] + p[3][x], outer = p[0][x] + p[4][x];
+    q[x] = static_cast<std::uint16_t>(ka * p[2][x] + kb * inner + kc * outer) >> 4;
+  }
 }
 
-/// Whether eight values in a row are all below `floor`.
-inline bool NoneAbove(const std::uint16_t* p, std::uint16_t floor) {
-  std::uint16_t above = 0;
-  for (int i = 0; i < 8; ++i) above |= static_cast<std::uint16_t>(p[i] >= floor);
-  return above == 0;
+DEVO_ALWAYS_INLINE void BlurRows(const cv::Mat1w& in, const std::array<int, 3>& kernel, cv::Mat1w* scratch,
+                                 cv::Mat1w* out) {
+  const int w = in.cols, h = in.rows;
+  // Blurred along themselves, the last few rows stay in the first cache until they are blurred across.
+  const auto along = [scratch](int y) { return (*scratch)[y % kScratchRows]; };
+  for (int y = 0; y < h; ++y) {
+    const std::uint16_t* p = in[y];
+    std::uint16_t* q = along(y);
+    q[0] = q[1] = q[w - 2] = q[w - 1] = 0;
+    WeightFive({p, p + 1, p + 2, p + 3, p + 4}, kernel, w - 4, q + 2);
+    if (y < 4) continue;
+    WeightFive({along(y - 4), along(y - 3), along(y - 2), along(y - 1), q}, kernel, w, (*out)[y - 2]);
+  }
+  for (const int y : {0, 1, h - 2, h - 1}) std::fill((*out)[y], (*out)[y] + w, std::uint16_t{0});
+}
+
+void BlurPortable(const cv::Mat1w& in, const std::array<int, 3>& kernel, cv::Mat1w* scratch, cv::Mat1w* out) {
+  BlurRows(in, kernel, scratch, out);
+}
+#ifdef DEVO_AVX2
+DEVO_AVX2 void BlurAvx2(const cv::Mat1w& in, const std::array<int, 3>& kernel, cv::Mat1w* scratch, cv::Mat1w* out) {
+  BlurRows(in, kernel, scratch, out);
+}
+#endif
+
+/// Whether sixteen values in a row are all below `floor`. Values below 32768.
+inline bool NoneReaches(const std::uint16_t* p, std::int16_t floor) {
+  const auto reaches = [&](const std::uint16_t* q) {
+    return cv::v_reinterpret_as_s16(cv::v_load(q)) >= cv::v_setall_s16(floor);
+  };
+  return !cv::v_check_any(reaches(p) | reaches(p + 8));
+}
+
+/// Which of the eight values from `p` on, in an image whose rows are `stride` long, reach `floor` and are no less than
+/// both neighbours in one of the four directions: one bit each. Values below 32768.
+inline int Peaks(const std::uint16_t* p, std::size_t stride, std::uint16_t floor) {
+  const auto load = [](const std::uint16_t* q) { return cv::v_reinterpret_as_s16(cv::v_load(q)); };
+  const std::uint16_t *up = p - stride, *down = p + stride;
+  const cv::v_int16x8 v = load(p), too_low = cv::v_setall_s16(static_cast<std::int16_t>(floor)) > v;
+  if (cv::v_check_all(too_low)) return 0;  // most of the image is empty
+  const cv::v_int16x8 across = cv::v_max(load(p - 1), load(p + 1)), along = cv::v_max(load(up), load(down)),
+                      falling = cv::v_max(load(up - 1), load(down + 1)),
+                      rising = cv::v_max(load(up + 1), load(down - 1));
+  const cv::v_int16x8 least = cv::v_min(cv::v_min(across, along), cv::v_min(falling, rising));
+  return ~cv::v_signmask(too_low | (least > v)) & 0xFF;
+}
+
+/// Four pixels of one row.
+using Columns = std::array<int, 4>;
+
+/// The values left of, at and right of each of four pixels of a row.
+inline void LoadThree(const std::uint16_t* row, const Columns& x, cv::v_float32x4 three[3]) {
+  const std::uint16_t* p = row - 1;
+  cv::v_uint16x8 ac, bd, left_mid, right, unused;
+  cv::v_zip(cv::v_load_low(p + x[0]), cv::v_load_low(p + x[2]), ac, unused);
+  cv::v_zip(cv::v_load_low(p + x[1]), cv::v_load_low(p + x[3]), bd, unused);
+  cv::v_zip(ac, bd, left_mid, right);
+  cv::v_uint32x4 words[3], unused_words;
+  cv::v_expand(left_mid, words[0], words[1]);
+  cv::v_expand(right, words[2], unused_words);
+  for (int i = 0; i < 3; ++i) three[i] = cv::v_cvt_f32(cv::v_reinterpret_as_s32(words[i]));
+}
+
+inline cv::v_float32x4 All(float value) { return cv::v_setall_f32(value); }
+
+/// Ridge through each of four pixels, by the second derivatives (Steger's equations).
+struct Ridges {
+  cv::v_float32x4 v, nx, ny, ox, oy;  // height; normal; offset of the ridge from the pixel
+  cv::v_float32x4 missing;            // where there is none
+
+  Ridges(const cv::Mat1w& blurred, int y, const Columns& columns) {
+    cv::v_float32x4 up[3], mid[3], down[3];
+    LoadThree(blurred[y - 1], columns, up);
+    LoadThree(blurred[y], columns, mid);
+    LoadThree(blurred[y + 1], columns, down);
+    v = mid[1];
+    const auto gx = All(0.5F) * (mid[2] - mid[0]), gy = All(0.5F) * (down[1] - up[1]);
+    const auto gxx = mid[2] - (v + v) + mid[0], gyy = down[1] - (v + v) + up[1];
+    const auto gxy = All(0.25F) * (down[2] - down[0] - up[2] + up[0]);
+    const auto mean = All(0.5F) * (gxx + gyy), half = All(0.5F) * (gxx - gyy);
+    const auto lambda = mean - cv::v_sqrt(half * half + gxy * gxy);  // curvature across: the more negative eigenvalue
+    // Eigenvector of lambda, from the better conditioned of the two rows of H - lambda I.
+    const auto first = half > All(0);
+    const auto x = cv::v_select(first, gxy, lambda - gyy), y_of = cv::v_select(first, lambda - gxx, gxy);
+    const auto norm = cv::v_sqrt(x * x + y_of * y_of);
+    const auto round = norm < All(1e-6F);  // a round peak has no direction; any will do
+    nx = cv::v_select(round, All(1), x / norm);
+    ny = cv::v_select(round, All(0), y_of / norm);
+    const auto t = (All(0) - (gx * nx + gy * ny)) / lambda;
+    ox = t * nx;
+    oy = t * ny;
+    missing = (lambda > All(-0.05F) * v) | (cv::v_abs(ox) > All(kMaxOffset_px)) | (cv::v_abs(oy) > All(kMaxOffset_px));
+  }
+};
+
+/// Nearest integers, halves away from zero, of small numbers.
+inline cv::v_int32x4 Rounded(const cv::v_float32x4& value) {
+  const cv::v_int32x4 whole = cv::v_trunc(value);
+  const auto rest = value - cv::v_cvt_f32(whole);
+  return whole - cv::v_reinterpret_as_s32(rest >= All(0.5F)) + cv::v_reinterpret_as_s32(rest <= All(-0.5F));
+}
+
+/// The higher of both sides of each ridge. In texture finer than the sensor resolves, ridges lie side by side with no
+/// valley between them: something is always near, so they say nothing of the pose.
+inline cv::v_float32x4 Sides(const cv::Mat1w& blurred, int y, const Columns& x, const Ridges& ridges) {
+  alignas(16) std::array<int, 4> dx, dy, sides;
+  cv::v_store(dx.data(), Rounded(All(kSide_px) * ridges.nx));
+  cv::v_store(dy.data(), Rounded(All(kSide_px) * ridges.ny));
+  const std::uint16_t* row = blurred[y];
+  const auto stride = static_cast<std::ptrdiff_t>(blurred.step1());
+  for (int k = 0; k < 4; ++k) {
+    const std::ptrdiff_t offset = dy[k] * stride + dx[k];
+    sides[k] = std::max(row[x[k] + offset], row[x[k] - offset]);
+  }
+  return cv::v_cvt_f32(cv::v_load(sides.data()));
+}
+
+/// Mean polarity of the events around crests of height `v`.
+inline cv::v_float32x4 Polarity(const cv::Mat1s& signed_events, int y, const Columns& x, const cv::v_float32x4& v) {
+  const std::int16_t *up = signed_events[y - 1] - 1, *mid = signed_events[y] - 1, *down = signed_events[y + 1] - 1;
+  const cv::v_int16x8 three(1, 1, 1, 0, 1, 1, 1, 0);
+  cv::v_int32x4 sums[4];
+  for (int k = 0; k < 4; ++k) {
+    const cv::v_int16x8 two_rows = cv::v_combine_low(cv::v_load_low(up + x[k]), cv::v_load_low(mid + x[k]));
+    sums[k] = cv::v_dotprod(two_rows, three) + cv::v_dotprod(cv::v_load_low(down + x[k]), three);
+  }
+  cv::v_int32x4 parts[4];
+  cv::v_transpose4x4(sums[0], sums[1], sums[2], sums[3], parts[0], parts[1], parts[2], parts[3]);
+  // Nine raw pixels hold about nine times the blurred value on a ridge; the ratio is clamped, not exact.
+  const auto ratio = cv::v_cvt_f32(parts[0] + parts[1] + (parts[2] + parts[3])) / (All(6.0F) * v);
+  return cv::v_min(cv::v_max(ratio, All(-1)), All(1));
+}
+
+constexpr int kFloats = sizeof(EdgePoint) / sizeof(float);
+static_assert(kFloats == 6, "an edge is written as four floats and two");
+
+/// Writes the crests among the first `used` of four pixels of row y to `out`, which has room for four, and returns how
+/// many there are.
+inline int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, const Columns& x, int used,
+                       float* out) {
+  const Ridges ridges(blurred, y, x);
+  const auto hidden = Sides(blurred, y, x, ridges) >= All(kMaxSideShare) * ridges.v;
+  const int found = ~cv::v_signmask(ridges.missing | hidden) & ((1 << used) - 1);
+  if (found == 0) return 0;
+  const auto polarity = signed_events.empty() ? All(0) : Polarity(signed_events, y, x, ridges.v);
+  const auto strength = ridges.v * All(1.0F / kEventWeight);
+  const auto edge_x = cv::v_cvt_f32(cv::v_load(x.data())) + ridges.ox, edge_y = All(static_cast<float>(y)) + ridges.oy;
+  cv::v_float32x4 begins[4], ends[2];
+  cv::v_transpose4x4(edge_x, edge_y, ridges.nx, ridges.ny, begins[0], begins[1], begins[2], begins[3]);
+  cv::v_zip(strength, polarity, ends[0], ends[1]);
+  // Each is written, and overwritten by the next unless it is a crest: cheaper than four branches.
+  int count = 0;
+  for (int k = 0; k < 4; ++k) {
+    float* edge = out + kFloats * count;
+    cv::v_store(edge, begins[k]);
+    if (k % 2 == 0) {
+      cv::v_store_low(edge + 4, ends[k / 2]);
+    } else {
+      cv::v_store_high(edge + 4, ends[k / 2]);
+    }
+    count += found >> k & 1;
+  }
+  return count;
+}
+
+/// Appends the crests among the peaks of row y and empties the list.
+inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, PixelList* peaks,
+                         std::vector<EdgePoint>* crests) {
+  std::array<float, kFloats*(PixelList::kFull + 16)> found;  // edges, not initialised: thousands are written
+  int count = 0;
+  for (int first = 0; first < peaks->size(); first += 4) {
+    const int last = peaks->size() - 1;
+    Columns x;
+    for (int k = 0; k < 4; ++k) x[k] = (*peaks)[std::min(first + k, last)];
+    count +=
+        WriteCrests(blurred, signed_events, y, x, std::min(4, peaks->size() - first), found.data() + kFloats * count);
+  }
+  const auto* edges = reinterpret_cast<const EdgePoint*>(found.data());
+  crests->insert(crests->end(), edges, edges + count);
+  peaks->Clear();
 }
 
 constexpr int kMaxFieldRadius = 30;
-constexpr int kFastWidth = 12;  // three SSE registers: holds the nine columns of the usual radius
+constexpr float kFieldScale = 16.0F;  // squared distances in 1/16 px^2: 16 * 2 * 30.5^2 stays below kNoEdge
+constexpr int kFastRadius = 4;        // the usual one
+constexpr int kFastWidth = 16;        // aligned columns that hold a square of that radius wherever it begins
 
-/// Lets edge `k` claim the pixels of a square of columns [x0, x0 + width) to which it is the nearest so far. With a
-/// fixed width, which may exceed the square, the compiler unrolls and vectorises the inner loop.
-template <int kWidth>
-inline void MarkSquare(const EdgePoint& edge, int k, int cy, int radius, int x0, int width, cv::Mat1i* nearest) {
-  constexpr float kScale = 16.0F;  // squared distances in 1/16 px^2: 16 * 2 * 30.5^2 stays below kNoEdge
-  std::array<std::int32_t, kWidth ? kWidth : 2 * kMaxFieldRadius + 1> packed_dx2;
-  const int columns = kWidth ? kWidth : width;
-  for (int i = 0; i < columns; ++i) {
-    const float dx = static_cast<float>(x0 + i) - edge.x;
-    packed_dx2[i] = static_cast<std::int32_t>(kScale * dx * dx) << 16;
+/// The square of pixels around an edge in which it may be the nearest.
+struct Square {
+  int cx, x0, y0, y1;  // pixel of the edge; first column; first and last row
+
+  Square(const EdgePoint& edge, int radius, const cv::Mat1i& image)
+      : cx(static_cast<int>(edge.x + 0.5F)), x0(std::max(cx - radius, 0)) {
+    const int cy = static_cast<int>(edge.y + 0.5F);
+    y0 = std::max(cy - radius, 0);
+    y1 = std::min(cy + radius, image.rows - 1);
   }
-  if (kWidth) std::fill(packed_dx2.begin() + 2 * radius + 1, packed_dx2.end(), Surface::kNoEdge);
-  for (int y = std::max(cy - radius, 0); y <= std::min(cy + radius, nearest->rows - 1); ++y) {
-    const float dy = static_cast<float>(y) - edge.y;
-    const std::int32_t packed_dy2 = (static_cast<std::int32_t>(kScale * dy * dy) << 16) + k;
-    std::int32_t* row = (*nearest)[y] + x0;
-    if constexpr (kWidth > 0) {
-      // Universal intrinsics: left to itself, GCC unrolls this into scalar code.
-      const cv::v_int32x4 dy2 = cv::v_setall_s32(packed_dy2);
-      for (int i = 0; i < kWidth; i += 4) {
-        cv::v_store(row + i, cv::v_min(cv::v_load(row + i), cv::v_load(packed_dx2.data() + i) + dy2));
+  /// Where to begin with kFastWidth columns, of which some are left or right of the square: at a multiple of eight, so
+  /// that what was just written for another edge is read as it was written, not in parts.
+  int AlignedX0(int columns) const { return std::min(x0 & ~7, columns - kFastWidth); }
+};
+
+std::int32_t PackedSquare(float d) { return static_cast<std::int32_t>(kFieldScale * d * d) << 16; }
+
+/// Empties the rows of a field just before they are marked, while they are in a near cache anyway.
+class RowsToFill {
+ public:
+  explicit RowsToFill(cv::Mat1i* field) : field_(field) {}
+  void Until(int last_row) {
+    for (; next_ <= last_row; ++next_) {
+      std::int32_t* row = (*field_)[next_];
+      std::fill(row, row + field_->cols, Surface::kNoEdge);
+    }
+  }
+
+ private:
+  cv::Mat1i* field_;
+  int next_ = 0;
+};
+
+/// Lets edge `k` claim the pixels of its square to which it is the nearest so far.
+void MarkSquare(const EdgePoint& edge, int k, int radius, RowsToFill* rows, cv::Mat1i* nearest) {
+  const Square square(edge, radius, *nearest);
+  rows->Until(square.y1);
+  std::array<std::int32_t, 2 * kMaxFieldRadius + 1> dx2;
+  const int columns = std::min(square.cx + radius, nearest->cols - 1) + 1 - square.x0;
+  for (int i = 0; i < columns; ++i) dx2[i] = PackedSquare(static_cast<float>(square.x0 + i) - edge.x);
+  for (int y = square.y0; y <= square.y1; ++y) {
+    const std::int32_t dy2 = PackedSquare(static_cast<float>(y) - edge.y) + k;
+    std::int32_t* row = (*nearest)[y] + square.x0;
+    for (int i = 0; i < columns; ++i) row[i] = std::min(row[i], dx2[i] + dy2);
+  }
+}
+
+/// The same for all edges, up to kFastRadius and in images at least kFastWidth wide.
+void MarkSquaresFast(const EdgePoint* edges, int count, int radius, RowsToFill* rows, cv::Mat1i* nearest) {
+  constexpr int kLanes = 4, kRegisters = kFastWidth / kLanes;
+  const cv::v_int32x4 lanes(0, 1, 2, 3), none = cv::v_setall_s32(Surface::kNoEdge);
+  for (int k = 0; k < count; ++k) {
+    const Square square(edges[k], radius, *nearest);
+    rows->Until(square.y1);
+    const int x0 = square.AlignedX0(nearest->cols);
+    cv::v_int32x4 dx2[kRegisters];
+    for (int r = 0; r < kRegisters; ++r) {
+      const cv::v_int32x4 x = lanes + cv::v_setall_s32(x0 + r * kLanes), cx = cv::v_setall_s32(square.cx);
+      const cv::v_float32x4 dx = cv::v_cvt_f32(x) - cv::v_setall_f32(edges[k].x);
+      const cv::v_int32x4 in_square = (x + cv::v_setall_s32(radius) >= cx) & (x <= cx + cv::v_setall_s32(radius));
+      const cv::v_int32x4 packed = cv::v_trunc(cv::v_setall_f32(kFieldScale) * dx * dx) << 16;
+      dx2[r] = cv::v_select(in_square, packed, none);
+    }
+    for (int y = square.y0; y <= square.y1; ++y) {
+      const cv::v_int32x4 dy2 = cv::v_setall_s32(PackedSquare(static_cast<float>(y) - edges[k].y) + k);
+      std::int32_t* row = (*nearest)[y] + x0;
+      for (int r = 0; r < kRegisters; ++r) {
+        std::int32_t* p = row + r * kLanes;
+        cv::v_store(p, cv::v_min(cv::v_load(p), dx2[r] + dy2));
       }
-    } else {
-      for (int i = 0; i < columns; ++i) row[i] = std::min(row[i], packed_dx2[i] + packed_dy2);
     }
   }
 }
+
+#ifdef DEVO_AVX2
+/// The same, eight at once.
+DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius, RowsToFill* rows, cv::Mat1i* nearest) {
+  const __m256i lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), none = _mm256_set1_epi32(Surface::kNoEdge);
+  const __m256i radii = _mm256_set1_epi32(radius);
+  const __m256 scale = _mm256_set1_ps(kFieldScale);
+  const auto packed_squares = [&](__m256i pixels, float edge) DEVO_AVX2 {
+    const __m256 d = _mm256_sub_ps(_mm256_cvtepi32_ps(pixels), _mm256_set1_ps(edge));
+    return _mm256_slli_epi32(_mm256_cvttps_epi32(_mm256_mul_ps(_mm256_mul_ps(scale, d), d)), 16);
+  };
+  const std::size_t stride = nearest->step1();
+  for (int k = 0; k < count; ++k) {
+    const Square square(edges[k], radius, *nearest);
+    rows->Until(square.y1);
+    const int x0 = square.AlignedX0(nearest->cols);
+    const auto columns = [&](int first) DEVO_AVX2 {
+      const __m256i x = _mm256_add_epi32(lanes, _mm256_set1_epi32(first));
+      const __m256i from_centre = _mm256_abs_epi32(_mm256_sub_epi32(x, _mm256_set1_epi32(square.cx)));
+      return _mm256_blendv_epi8(packed_squares(x, edges[k].x), none, _mm256_cmpgt_epi32(from_centre, radii));
+    };
+    const __m256i left = columns(x0), right = columns(x0 + 8);
+    alignas(32) std::array<std::int32_t, 16> dy2;
+    static_assert(dy2.size() > 2 * kFastRadius, "one for each row");
+    for (int row = 0; row < 16; row += 8) {
+      const __m256i y = _mm256_add_epi32(lanes, _mm256_set1_epi32(square.y0 + row));
+      _mm256_store_si256(reinterpret_cast<__m256i*>(dy2.data() + row),
+                         _mm256_add_epi32(packed_squares(y, edges[k].y), _mm256_set1_epi32(k)));
+    }
+    std::int32_t* p = (*nearest)[square.y0] + x0;
+    for (int row = 0; row <= square.y1 - square.y0; ++row, p += stride) {
+      const __m256i this_dy2 = _mm256_set1_epi32(dy2[row]);
+      auto *l = reinterpret_cast<__m256i*>(p), *r = reinterpret_cast<__m256i*>(p + 8);
+      _mm256_storeu_si256(l, _mm256_min_epi32(_mm256_loadu_si256(l), _mm256_add_epi32(left, this_dy2)));
+      _mm256_storeu_si256(r, _mm256_min_epi32(_mm256_loadu_si256(r), _mm256_add_epi32(right, this_dy2)));
+    }
+  }
+}
+#endif
 
 }  // namespace
 
 void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* out) {
-  const auto [a, b, c] = KernelFor(sigma_px);
-  const std::uint16_t ka = a, kb = b, kc = c;
-  scratch->create(in.size());
+  const auto kernel = KernelFor(sigma_px);
+  scratch->create(kScratchRows, in.cols);
   out->create(in.size());
-  const int w = in.cols, h = in.rows;
-  // 16-bit arithmetic vectorises eight wide on any x86-64: values stay below 4096, so sums below 65536.
-  for (int y = 0; y < h; ++y) {
-    const std::uint16_t* p = in[y];
-    std::uint16_t* q = (*scratch)[y];
-    q[0] = q[1] = q[w - 2] = q[w - 1] = 0;
-    for (int x = 2; x < w - 2; ++x) {
-      const std::uint16_t inner = p[x - 1] + p[x + 1], outer = p[x - 2] + p[x + 2];
-      q[x] = static_cast<std::uint16_t>(ka * p[x] + kb * inner + kc * outer) >> 4;
-    }
-  }
-  for (int y = 0; y < h; ++y) {
-    std::uint16_t* q = (*out)[y];
-    if (y < 2 || y >= h - 2) {
-      std::fill(q, q + w, 0);
-      continue;
-    }
-    const std::uint16_t *p0 = (*scratch)[y - 2], *p1 = (*scratch)[y - 1], *p2 = (*scratch)[y], *p3 = (*scratch)[y + 1],
-                        *p4 = (*scratch)[y + 2];
-    for (int x = 0; x < w; ++x) {
-      const std::uint16_t inner = p1[x] + p3[x], outer = p0[x] + p4[x];
-      q[x] = static_cast<std::uint16_t>(ka * p2[x] + kb * inner + kc * outer) >> 4;
-    }
-  }
+#ifdef DEVO_AVX2
+  if (HasAvx2()) return BlurAvx2(in, kernel, scratch, out);
+#endif
+  BlurPortable(in, kernel, scratch, out);
 }
 
 int OccupiedQuantile(const cv::Mat1w& image, double quantile) {
@@ -115,7 +366,13 @@ int OccupiedQuantile(const cv::Mat1w& image, double quantile) {
   std::array<int, kBins> histogram{};
   for (int y = 2; y < image.rows; y += 4) {
     const std::uint16_t* p = image[y];
-    for (int x = 0; x < image.cols; ++x) ++histogram[std::min<int>(p[x] >> kShift, kBins - 1)];
+    for (int x = 0; x < image.cols;) {
+      // Most of the image is empty: step over sixteen pixels at a time. Bin 0 is not asked for.
+      while (x + 16 <= image.cols && NoneReaches(p + x, 1 << kShift)) x += 16;
+      for (const int until = std::min(x + 16, image.cols); x < until; ++x) {
+        ++histogram[std::min<int>(p[x] >> kShift, kBins - 1)];
+      }
+    }
   }
   int occupied = 0;
   for (int bin = 1; bin < kBins; ++bin) occupied += histogram[bin];
@@ -130,75 +387,36 @@ int OccupiedQuantile(const cv::Mat1w& image, double quantile) {
 void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold,
                 std::vector<EdgePoint>* crests) {
   crests->clear();
-  const int w = blurred.cols, h = blurred.rows;
+  const int right = blurred.cols - kMargin, bottom = blurred.rows - kMargin;
   const auto floor = static_cast<std::uint16_t>(std::max(threshold, kEventWeight / 8));
-  for (int y = 3; y < h - 3; ++y) {
-    const std::uint16_t *up = blurred[y - 1], *mid = blurred[y], *down = blurred[y + 1];
-    for (int x = 3; x < w - 3; ++x) {
-      // Most of the image is empty: step over eight pixels at a time.
-      while (x + 8 <= w - 3 && NoneAbove(mid + x, floor)) x += 8;
-      if (x >= w - 3) break;
-      const int v = mid[x];
-      if (v < floor) continue;
-      const bool peak = (v >= mid[x - 1] && v >= mid[x + 1]) || (v >= up[x] && v >= down[x]) ||
-                        (v >= up[x - 1] && v >= down[x + 1]) || (v >= up[x + 1] && v >= down[x - 1]);
-      if (!peak) continue;
-      const float gx = 0.5F * (mid[x + 1] - mid[x - 1]), gy = 0.5F * (down[x] - up[x]);
-      const float gxx = mid[x + 1] - 2 * v + mid[x - 1], gyy = down[x] - 2 * v + up[x];
-      const float gxy = 0.25F * (down[x + 1] - down[x - 1] - up[x + 1] + up[x - 1]);
-      const float mean = 0.5F * (gxx + gyy), half = 0.5F * (gxx - gyy);
-      const float root = std::sqrt(half * half + gxy * gxy);
-      const float lambda = mean - root;  // the more negative eigenvalue: curvature across the ridge
-      if (lambda > -0.05F * v) continue;
-      // Eigenvector of lambda, from the better conditioned of the two rows of H - lambda I.
-      float nx = half > 0 ? gxy : lambda - gyy, ny = half > 0 ? lambda - gxx : gxy;
-      const float norm = std::sqrt(nx * nx + ny * ny);
-      if (norm < 1e-6F) {
-        nx = 1;  // a round peak has no direction; any will do
-        ny = 0;
-      } else {
-        nx /= norm;
-        ny /= norm;
-      }
-      const float t = -(gx * nx + gy * ny) / lambda;
-      const float ox = t * nx, oy = t * ny;
-      if (std::abs(ox) > kMaxOffset_px || std::abs(oy) > kMaxOffset_px) continue;
-      if (!StandsOut(blurred, x, y, nx, ny, v)) continue;
-      EdgePoint edge;
-      edge.x = x + ox;
-      edge.y = y + oy;
-      edge.nx = nx;
-      edge.ny = ny;
-      edge.strength = static_cast<float>(v) / kEventWeight;
-      if (!signed_events.empty()) {
-        int sum = 0;
-        for (int dy = -1; dy <= 1; ++dy) {
-          const std::int16_t* s = signed_events[y + dy] + x;
-          sum += s[-1] + s[0] + s[1];
-        }
-        // Nine raw pixels hold about nine times the blurred value on a ridge; the ratio is clamped, not exact.
-        edge.polarity = std::clamp(static_cast<float>(sum) / (6.0F * v), -1.0F, 1.0F);
-      }
-      crests->push_back(edge);
-      if (crests->size() == Surface::kMaxEdges) return;
+  for (int y = kMargin; y < bottom && crests->size() < Surface::kMaxEdges; ++y) {
+    const std::uint16_t* row = blurred[y];
+    PixelList peaks;
+    for (int x = kMargin; x < right; x += 8) {
+      const int bits = Peaks(row + x, blurred.step1(), floor) & (0xFF >> std::max(x + 8 - right, 0));
+      if (bits == 0) continue;
+      peaks.Append(x, bits);
+      if (peaks.size() >= PixelList::kFull) AppendCrests(blurred, signed_events, y, &peaks, crests);
     }
+    if (peaks.size() > 0) AppendCrests(blurred, signed_events, y, &peaks, crests);
   }
+  if (crests->size() > Surface::kMaxEdges) crests->resize(Surface::kMaxEdges);
 }
 
 void BuildNearestEdgeField(const std::vector<EdgePoint>& edges, double radius_px, cv::Mat1i* nearest) {
   const int radius = std::min(static_cast<int>(std::lround(radius_px)), kMaxFieldRadius);
-  nearest->setTo(Surface::kNoEdge);
   const int count = static_cast<int>(std::min(edges.size(), Surface::kMaxEdges));
-  for (int k = 0; k < count; ++k) {
-    const int cx = static_cast<int>(edges[k].x + 0.5F), cy = static_cast<int>(edges[k].y + 0.5F);
-    const bool inside = cx >= radius && cx - radius + kFastWidth <= nearest->cols;
-    if (inside && 2 * radius < kFastWidth) {
-      MarkSquare<kFastWidth>(edges[k], k, cy, radius, cx - radius, kFastWidth, nearest);
-    } else {
-      const int x0 = std::max(cx - radius, 0);
-      MarkSquare<0>(edges[k], k, cy, radius, x0, std::min(cx + radius, nearest->cols - 1) + 1 - x0, nearest);
-    }
+  RowsToFill rows(nearest);
+  if (radius > kFastRadius || nearest->cols < kFastWidth) {
+    for (int k = 0; k < count; ++k) MarkSquare(edges[k], k, radius, &rows, nearest);
+#ifdef DEVO_AVX2
+  } else if (HasAvx2()) {
+    MarkSquaresAvx2(edges.data(), count, radius, &rows, nearest);
+#endif
+  } else {
+    MarkSquaresFast(edges.data(), count, radius, &rows, nearest);
   }
+  rows.Until(nearest->rows - 1);
 }
 
 }  // namespace devo

@@ -2,9 +2,11 @@
 #include "devo/core/noise_filter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "devo/core/time.h"
+#include "simd.h"
 
 namespace devo {
 namespace {
@@ -12,64 +14,120 @@ namespace {
 // Activity is compared over this span: long enough for a pixel at 40 Hz to stand out, short enough
 // to follow changes of temperature and light.
 constexpr std::int64_t kPeriod_ns = 250'000'000;
-constexpr int kHotMinCount = 8;
+constexpr std::int64_t kNsPerMicrosecond = 1000;
+constexpr std::uint32_t kHotMinCount = 8;
 constexpr int kBlock = 16;
 constexpr double kQuietShare = 0.1;    // of the blocks is taken to show nothing but noise
 constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQuietShare
 // Passing noise of this rate is a third of the least activity of a motion.
 constexpr double kTolerableNoise_hz = 0.05;
-// Time is kept in wrapping microseconds of 32 bits; this offset makes "never" older than any window.
-constexpr std::uint32_t kNever = 0x80000000U;
+
+// A pixel is one word: in the lower half the tick at which it last fired, wrapping; in the upper half how many events
+// it had in this period, and whether it is hot. An event reads nine of them, so that their size decides the cost.
+constexpr std::uint32_t kTickMask = 0xFFFF, kOneEvent = 0x10000, kCountMask = 0x7FFF0000, kHotBit = 0x80000000;
+constexpr std::int64_t kLongAgo_ticks = 1 << 14;  // longer than any window: from then on age is not told apart
+constexpr std::int64_t kForgettingPeriod_ticks = 1 << 15;
+static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= 1 << 16, "what is long ago must not come round");
+
+constexpr std::ptrdiff_t kAhead = 16;  // events: about the time that the third cache takes to answer
+
+inline std::uint32_t CountOf(std::uint32_t pixel) { return (pixel & kCountMask) / kOneEvent; }
+
+/// Of the eight neighbours of a pixel, in an image whose rows are `stride` long, how many fired at most `window_ticks`
+/// before `tick`. Without a branch: which of them are recent is nothing that a processor could guess.
+inline int RecentNeighbours(const std::uint32_t* pixel, int stride, std::uint32_t tick, std::uint32_t window_ticks) {
+  const cv::v_uint32x4 now = cv::v_setall_u32(tick), mask = cv::v_setall_u32(kTickMask);
+  const cv::v_int32x4 window = cv::v_setall_s32(static_cast<int>(window_ticks));
+  // -1 where it fired before that.
+  const auto old = [&](const std::uint32_t* p) {
+    return cv::v_reinterpret_as_s32((now - cv::v_load(p)) & mask) > window;
+  };
+  const cv::v_int32x4 three(-1, -1, -1, 0), sides(-1, 0, -1, 0);
+  const cv::v_int32x4 up_and_down = (old(pixel - stride - 1) + old(pixel + stride - 1)) & three;
+  return 8 + cv::v_reduce_sum(up_and_down + (old(pixel - 1) & sides));
+}
 
 }  // namespace
 
 NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor)
     : width_(width), height_(height), stride_(width + 2), window_us_(static_cast<std::uint32_t>(1e6 * window_s)),
       min_neighbours_(min_neighbours), hot_factor_(hot_factor) {
+  while (window_us_ >> tick_shift_ >= kLongAgo_ticks) ++tick_shift_;
+  // Blocks cut by the border hold fewer pixels and would pass for quiet: they are not looked at.
+  block_counts_.resize(static_cast<std::size_t>(width_ / kBlock) * (height_ / kBlock));
   Reset();
 }
 
 void NoiseFilter::Reset() {
-  const std::size_t padded = static_cast<std::size_t>(stride_) * (height_ + 2);
-  last_us_.assign(padded, kNever);
-  counts_.assign(padded, 0);
-  hot_.assign(padded, 0);
-  // Blocks cut by the border hold fewer pixels and would pass for quiet: the last column and row are not looked at.
-  blocks_per_row_ = width_ / kBlock + 1;
-  block_counts_.assign(static_cast<std::size_t>(blocks_per_row_) * (height_ / kBlock + 1), 0);
+  // Neighbours are read four at a time: one more than there are at the end.
+  pixels_.assign(static_cast<std::size_t>(stride_) * (height_ + 2) + 1, kTickMask & -kLongAgo_ticks);
   noise_hz_ = 0;
   needed_neighbours_ = min_neighbours_ > 0 ? min_neighbours_ + 1 : 0;  // until the noise is known
   t0_ns_ = -1;
   hot_pixels_ = 0;
 }
 
-bool NoiseFilter::Pass(const Event& event) {
-  if (t0_ns_ < 0) {
-    t0_ns_ = event.t_ns;
-    next_update_ns_ = event.t_ns + kPeriod_ns;
+std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
+  std::size_t count = 0;
+  for (const Event* next = events.begin(); next != events.end();) {
+    if (t0_ns_ < 0) {
+      t0_ns_ = next->t_ns;
+      next_update_ns_ = t0_ns_ + kPeriod_ns;
+      forgot_ticks_ = 0;
+    }
+    if (next->t_ns >= next_update_ns_) Update(next->t_ns);
+    if (TicksAt(next->t_ns) - forgot_ticks_ >= kForgettingPeriod_ticks) ForgetLongAgo(TicksAt(next->t_ns));
+    const std::int64_t forget_us = (forgot_ticks_ + kForgettingPeriod_ticks) << tick_shift_;
+    const std::int64_t end_ns = std::min(next_update_ns_, t0_ns_ + forget_us * kNsPerMicrosecond);
+    const Event* until =
+        events.end()[-1].t_ns < end_ns
+            ? events.end()
+            : std::partition_point(next, events.end(), [&](const Event& e) { return e.t_ns < end_ns; });
+    const EventSpan piece(next, static_cast<std::size_t>(until - next));
+    const auto position = static_cast<std::uint32_t>(next - events.begin());
+    count += min_neighbours_ > 0 ? PassPiece<true>(piece, position, passed + count)
+                                 : PassPiece<false>(piece, position, passed + count);
+    next = until;
   }
-  const std::size_t i = static_cast<std::size_t>(event.y + 1) * stride_ + event.x + 1;
-  if (event.t_ns >= next_update_ns_) {
-    UpdateNoise();
-    UpdateHotPixels(static_cast<std::uint32_t>((event.t_ns - t0_ns_) / 1000));
-    next_update_ns_ = event.t_ns + kPeriod_ns;
-  }
-  ++block_counts_[static_cast<std::size_t>(event.y / kBlock) * blocks_per_row_ + event.x / kBlock];
-  counts_[i] += counts_[i] < 0xFFFF;
-  if (hot_[i]) return false;
-  if (min_neighbours_ == 0) return true;
+  return count;
+}
 
-  const auto now_us = static_cast<std::uint32_t>((event.t_ns - t0_ns_) / 1000);
-  const auto recent = [&](std::size_t k) { return static_cast<int>(now_us - last_us_[k] <= window_us_); };
-  const std::size_t up = i - stride_, down = i + stride_;
-  last_us_[i] = now_us;
-  // On an edge the first few neighbours suffice: row by row, most events never reach the last.
-  int neighbours = recent(i - 1) + recent(i + 1);
-  if (neighbours >= needed_neighbours_) return true;
-  neighbours += recent(up - 1) + recent(up) + recent(up + 1);
-  if (neighbours >= needed_neighbours_) return true;
-  neighbours += recent(down - 1) + recent(down) + recent(down + 1);
-  return neighbours >= needed_neighbours_;
+std::int64_t NoiseFilter::TicksAt(std::int64_t t_ns) const {
+  return (t_ns - t0_ns_) / kNsPerMicrosecond >> tick_shift_;
+}
+
+template <bool kAskNeighbours>
+std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed) {
+  // Copies: the compiler cannot know that what is written are not these.
+  std::uint32_t* const pixels = pixels_.data();
+  const std::uint32_t window_ticks = window_us_ >> tick_shift_;
+  const int stride = stride_, needed = needed_neighbours_, shift = tick_shift_;
+  const std::int64_t t0_ns = t0_ns_;
+  std::size_t count = 0;
+  const auto pixel_of = [&](const Event& e) { return pixels + static_cast<std::size_t>(e.y + 1) * stride + e.x + 1; };
+  for (const Event& event : events) {
+    // Events jump about in the image: what a later one will need is fetched while this one is judged.
+    const std::uint32_t* const later =
+        pixel_of(*(&event + std::min<std::ptrdiff_t>(kAhead, events.end() - 1 - &event)));
+    Prefetch(later - stride);
+    Prefetch(later);
+    Prefetch(later + stride);
+    std::uint32_t* const pixel = pixel_of(event);
+    const std::uint32_t before = *pixel;
+    const std::uint32_t counted = before + ((before & kCountMask) < kCountMask ? kOneEvent : 0);
+    passed[count] = position++;
+    if (before & kHotBit) {
+      *pixel = counted;
+    } else if (kAskNeighbours) {
+      const auto tick = static_cast<std::uint32_t>((event.t_ns - t0_ns) / kNsPerMicrosecond >> shift);
+      count += RecentNeighbours(pixel, stride, tick, window_ticks) >= needed;
+      *pixel = (counted & ~kTickMask) | (tick & kTickMask);
+    } else {
+      *pixel = counted;
+      ++count;
+    }
+  }
+  return count;
 }
 
 double NoiseFilter::ChanceOfNeighbours(int at_least) const {
@@ -85,48 +143,74 @@ double NoiseFilter::ChanceOfNeighbours(int at_least) const {
 
 double NoiseFilter::passing_noise_hz() const { return noise_hz_ * ChanceOfNeighbours(needed_neighbours_); }
 
+void NoiseFilter::Update(std::int64_t t_ns) {
+  UpdateNoise();
+  UpdateHotPixels();
+  next_update_ns_ = t_ns + kPeriod_ns;
+}
+
 void NoiseFilter::UpdateNoise() {
-  std::vector<std::uint32_t> whole;
-  for (int y = 0; y < height_ / kBlock; ++y) {
-    const auto row = block_counts_.begin() + static_cast<std::ptrdiff_t>(y) * blocks_per_row_;
-    whole.insert(whole.end(), row, row + blocks_per_row_ - 1);
+  std::fill(block_counts_.begin(), block_counts_.end(), 0);
+  const int columns = width_ / kBlock;
+  for (int y = 0; y < height_ / kBlock * kBlock; ++y) {
+    const std::uint32_t* row = pixels_.data() + static_cast<std::size_t>(y + 1) * stride_ + 1;
+    std::uint32_t* blocks = block_counts_.data() + static_cast<std::size_t>(y / kBlock) * columns;
+    for (int column = 0; column < columns; ++column, row += kBlock) {
+      std::uint32_t sum = 0;
+      for (int x = 0; x < kBlock; ++x) sum += CountOf(row[x]);
+      blocks[column] += sum;
+    }
   }
   double count = 0;
-  if (!whole.empty()) {
-    const auto quiet = whole.begin() + static_cast<std::ptrdiff_t>(kQuietShare * whole.size());
-    std::nth_element(whole.begin(), quiet, whole.end());
+  if (!block_counts_.empty()) {
+    const auto quiet = block_counts_.begin() + static_cast<std::ptrdiff_t>(kQuietShare * block_counts_.size());
+    std::nth_element(block_counts_.begin(), quiet, block_counts_.end());
     // The quantile of Poisson counts lies kQuietSigmas deviations below their mean.
     if (*quiet > 0) count = std::pow(0.5 * kQuietSigmas + std::sqrt(0.25 * kQuietSigmas * kQuietSigmas + *quiet), 2);
   }
   noise_hz_ = count / (kBlock * kBlock * SecondsFromNs(kPeriod_ns));
-  std::fill(block_counts_.begin(), block_counts_.end(), 0);
   if (min_neighbours_ == 0) return;
   const bool noisy = noise_hz_ * ChanceOfNeighbours(min_neighbours_) > kTolerableNoise_hz;
   needed_neighbours_ = min_neighbours_ + (noisy ? 1 : 0);
 }
 
-void NoiseFilter::UpdateHotPixels(std::uint32_t now_us) {
-  hot_pixels_ = 0;
-  for (int y = 1; y <= height_; ++y) {
-    for (int x = 1; x <= width_; ++x) {
-      const std::size_t i = static_cast<std::size_t>(y) * stride_ + x;
-      // Wrapping time: what was long ago must not come round and look recent.
-      if (now_us - last_us_[i] > kNever) last_us_[i] = now_us - kNever;
-      // The common case first: a quiet pixel needs no look at its neighbours.
-      if (counts_[i] < kHotMinCount) {
-        hot_[i] = 0;
-        continue;
-      }
-      const std::size_t up = i - stride_, down = i + stride_;
-      // The median of the neighbours, not their mean: two hot pixels side by side must not excuse each other.
-      std::uint16_t around[8] = {counts_[up - 1], counts_[up],       counts_[up + 1], counts_[i - 1],
-                                 counts_[i + 1],  counts_[down - 1], counts_[down],   counts_[down + 1]};
-      std::nth_element(around, around + 4, around + 8);
-      hot_[i] = hot_factor_ > 0 && counts_[i] > hot_factor_ * (around[4] + 0.25);
-      hot_pixels_ += hot_[i];
+bool NoiseFilter::IsHot(std::size_t i) const {
+  const std::size_t up = i - stride_, down = i + stride_;
+  // The median of the neighbours, not their mean: two hot pixels side by side must not excuse each other.
+  const auto count = [this](std::size_t k) { return CountOf(pixels_[k]); };
+  std::array<std::uint32_t, 8> around = {count(up - 1), count(up),       count(up + 1), count(i - 1),
+                                         count(i + 1),  count(down - 1), count(down),   count(down + 1)};
+  std::nth_element(around.begin(), around.begin() + 4, around.end());
+  return hot_factor_ > 0 && count(i) > hot_factor_ * (around[4] + 0.25);
+}
+
+void NoiseFilter::UpdateHotPixels() {
+  hot_.clear();
+  const std::size_t first = stride_, last = static_cast<std::size_t>(stride_) * (height_ + 1);
+  for (std::size_t begin = first; begin < last; begin += kBlock) {
+    // The common case first: quiet pixels need no look at their neighbours.
+    const std::size_t end = std::min(begin + kBlock, last);
+    std::uint32_t most = 0;
+    for (std::size_t i = begin; i < end; ++i) most = std::max(most, pixels_[i] & kCountMask);
+    if (most < kHotMinCount * kOneEvent) continue;
+    for (std::size_t i = begin; i < end; ++i) {
+      if (CountOf(pixels_[i]) >= kHotMinCount && IsHot(i)) hot_.push_back(static_cast<std::uint32_t>(i));
     }
   }
-  std::fill(counts_.begin(), counts_.end(), 0);
+  for (std::uint32_t& pixel : pixels_) pixel &= kTickMask;
+  for (const std::uint32_t i : hot_) pixels_[i] |= kHotBit;
+  hot_pixels_ = static_cast<int>(hot_.size());
+}
+
+void NoiseFilter::ForgetLongAgo(std::int64_t ticks) {
+  // After a gap this long, every pixel has been silent for long.
+  const bool all = ticks - forgot_ticks_ >= kForgettingPeriod_ticks + kLongAgo_ticks;
+  const auto now = static_cast<std::uint32_t>(ticks), long_ago = static_cast<std::uint32_t>(ticks - kLongAgo_ticks);
+  for (std::uint32_t& pixel : pixels_) {
+    const bool forget = all | (((now - pixel) & kTickMask) > kLongAgo_ticks);
+    pixel = forget ? (pixel & ~kTickMask) | (long_ago & kTickMask) : pixel;
+  }
+  forgot_ticks_ = ticks;
 }
 
 }  // namespace devo

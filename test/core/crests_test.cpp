@@ -10,6 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
+#include <opencv2/core/utility.hpp>
 
 namespace devo {
 namespace {
@@ -262,6 +263,43 @@ TEST(NearestEdgeField, HoldsWhatBruteForceFindsForFewAndManyEdges) {
       std::vector<EdgePoint> edges(count);
       for (EdgePoint& edge : edges) edge = {std::abs(in_x(random)), std::abs(in_y(random))};
       ExpectBruteForceField(edges, radius, 96, 64);
+    }
+  }
+}
+
+/// As Surface::nearest_edge says, one edge after the other.
+cv::Mat1i PackedField(const std::vector<EdgePoint>& edges, int radius, int width, int height) {
+  cv::Mat1i nearest(height, width, std::int32_t{Surface::kNoEdge});
+  const auto packed = [](float d) { return static_cast<std::int32_t>(16.0F * d * d) << 16; };
+  for (int k = 0; k < static_cast<int>(edges.size()); ++k) {
+    const int cx = static_cast<int>(edges[k].x + 0.5F), cy = static_cast<int>(edges[k].y + 0.5F);
+    for (int y = std::max(cy - radius, 0); y <= std::min(cy + radius, height - 1); ++y) {
+      for (int x = std::max(cx - radius, 0); x <= std::min(cx + radius, width - 1); ++x) {
+        const std::int32_t here =
+            packed(static_cast<float>(x) - edges[k].x) + packed(static_cast<float>(y) - edges[k].y) + k;
+        nearest(y, x) = std::min(nearest(y, x), here);
+      }
+    }
+  }
+  return nearest;
+}
+
+TEST(NearestEdgeField, IsTheSameToTheBitWithAndWithoutWideRegisters) {
+  std::mt19937 random(9);
+  for (const int width : {15, 16, 17, 100}) {
+    std::uniform_real_distribution<float> in_x(0, width - 0.6F), in_y(0, 39.4F);
+    std::vector<EdgePoint> edges(150);
+    for (EdgePoint& edge : edges) edge = {in_x(random), in_y(random)};
+    for (const int radius : {1, 3, 4, 5}) {
+      const cv::Mat1i expected = PackedField(edges, radius, width, 40);
+      for (const bool optimised : {true, false}) {
+        cv::setUseOptimized(optimised);
+        cv::Mat1i nearest(40, width);
+        BuildNearestEdgeField(edges, radius, &nearest);
+        cv::setUseOptimized(true);
+        EXPECT_EQ(cv::countNonZero(nearest != expected), 0)
+            << "width " << width << ", radius " << radius << ", wide registers " << optimised;
+      }
     }
   }
 }

@@ -8,6 +8,8 @@
 
 #include <gtest/gtest.h>
 
+#include "devo/core/time.h"
+
 namespace devo {
 namespace {
 
@@ -172,6 +174,41 @@ TEST(NoiseFilter, DoesNotTakeAPixelForItsOwnNeighbour) {
   NoiseFilter filter(10, 10, 0.005, 1, 0);
   WarmUpQuietly(&filter);
   for (int k = 0; k < 5; ++k) EXPECT_FALSE(filter.Pass(At(kKnown_ns + k * kMs, 4, 4)));
+}
+
+TEST(NoiseFilter, DoesNotTakeAPixelOfLongAgoForRecentWhateverTheTimeBetween) {
+  for (const double window_s : {0.005, 0.016, 0.5}) {
+    NoiseFilter filter(10, 10, window_s, 1, 0);
+    WarmUpQuietly(&filter);
+    // Counters of 16 bits come round after 65.536 ms or a multiple of it, of 32 bits after 72 minutes.
+    std::int64_t t_ns = kKnown_ns;
+    for (const std::int64_t silence_ns :
+         {65'536'000L, 2 * 65'536'000L, 98'304'000L, 64 * 65'536'000L, 4'294'967'296'000L, 1'000'000'000L}) {
+      filter.Pass(At(t_ns, 4, 4));
+      const bool recent = silence_ns <= static_cast<std::int64_t>(1e9 * window_s);
+      EXPECT_EQ(filter.Pass(At(t_ns + silence_ns, 5, 5)), recent) << silence_ns << " ns, window " << window_s << " s";
+      t_ns += silence_ns + NsFromSeconds(1.5);
+    }
+  }
+}
+
+TEST(NoiseFilter, GivesTheSameWhereverAStreamIsCut) {
+  const std::vector<Event> events = Noise(30, 1);
+  NoiseFilter one_by_one(kSide, kSide, 0.01, 1, 5), in_spans(kSide, kSide, 0.01, 1, 5);
+  std::vector<std::uint32_t> expected, found, passed(events.size());
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    if (one_by_one.Pass(events[i])) expected.push_back(static_cast<std::uint32_t>(i));
+  }
+  std::mt19937 random(5);
+  for (std::size_t i = 0; i < events.size();) {
+    const std::size_t size = std::min<std::size_t>(random() % 100000, events.size() - i);
+    const std::size_t count = in_spans.Pass({events.data() + i, size}, passed.data());
+    for (std::size_t k = 0; k < count; ++k) found.push_back(static_cast<std::uint32_t>(i) + passed[k]);
+    i += size;
+  }
+  EXPECT_GT(expected.size(), events.size() / 10);
+  EXPECT_EQ(found, expected);
+  EXPECT_EQ(in_spans.hot_pixels(), one_by_one.hot_pixels());
 }
 
 TEST(NoiseFilter, KnowsNoNeighboursBeyondTheBorders) {

@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <random>
+#include <string>
 #include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
+#include <opencv2/core/utility.hpp>
 
 #include "devo/core/time.h"
 
@@ -318,6 +321,42 @@ TEST(PlainSurface, ShowsAnEventOfADistortedCameraWhereItsRayIsInTheUndistortedIm
   for (const EdgePoint& edge : surface->edges) {
     EXPECT_NEAR(edge.x, expected.x(), 1.01);
     EXPECT_NEAR(edge.y, expected.y(), 1.01);
+  }
+}
+
+TEST(PlainSurface, StaysDarkHoweverLongAPixelHasBeenSilent) {
+  SurfaceOptions options;
+  options.method = "exponential";
+  SurfaceBuilder builder(TestCamera(), options);
+  std::int64_t t_ns = kT_ns;
+  // Counters of 32 bits come round after 4.3 s or a multiple of it.
+  for (const std::int64_t silence_ns : {4'294'967'296L, 2 * 4'294'967'296L, 1'000'000'000L, 3'600'000'000'000L}) {
+    builder.Insert(std::vector<Event>{At(t_ns, 30, 25)});
+    builder.Insert(std::vector<Event>{At(t_ns + silence_ns, 90, 70)});
+    t_ns += silence_ns;
+    const auto surface = builder.Render(t_ns, Vector6d::Zero(), {});
+    EXPECT_EQ(surface->image(25, 30), 0) << silence_ns;
+    EXPECT_EQ(surface->image(70, 90), 255) << silence_ns;
+    EXPECT_EQ(surface->events_used, 1U) << silence_ns;
+    t_ns += 2'000'000'000;
+  }
+}
+
+/// Surfaces of random events around moving lines, as a sensor without wide registers and one with them render them.
+TEST(SurfaceBuilder, RendersTheSameBytesWithAndWithoutWideRegisters) {
+  const Vector6d velocity = Twist(1.5, 0, 0.3, 0.3, 0.6, -0.5);
+  const auto events = EdgeUnder(velocity).Events();
+  for (const std::string method : {"motion_compensated", "exponential"}) {
+    SurfaceOptions options = WithoutFilter();
+    options.method = method;
+    const auto wide = SurfaceOf(events, velocity, 2, options);
+    cv::setUseOptimized(false);
+    const auto narrow = SurfaceOf(events, velocity, 2, options);
+    cv::setUseOptimized(true);
+    EXPECT_EQ(cv::norm(wide->image, narrow->image, cv::NORM_INF), 0) << method;
+    ASSERT_GT(wide->edges.size(), 50U);
+    ASSERT_EQ(wide->edges.size(), narrow->edges.size());
+    EXPECT_EQ(std::memcmp(wide->edges.data(), narrow->edges.data(), wide->edges.size() * sizeof(EdgePoint)), 0);
   }
 }
 

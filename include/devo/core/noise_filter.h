@@ -18,8 +18,16 @@ class NoiseFilter {
   /// as its neighbours is hot, 0: none is.
   NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor);
 
-  /// True when the event is signal. Events must lie in the image and come in the order of their time.
-  bool Pass(const Event& event);
+  /// Writes the positions (0 to events.size - 1, rising) of those events that are signal to `passed`, which has room
+  /// for all, and returns how many there are. Events must lie in the image and come in the order of their time; where a
+  /// stream is cut into spans makes no difference.
+  std::size_t Pass(EventSpan events, std::uint32_t* passed);
+
+  /// The same for one event.
+  bool Pass(const Event& event) {
+    std::uint32_t position = 0;
+    return Pass(EventSpan(&event, 1), &position) > 0;
+  }
 
   void Reset();
   int hot_pixels() const { return hot_pixels_; }
@@ -31,21 +39,26 @@ class NoiseFilter {
   double passing_noise_hz() const;
 
  private:
-  void UpdateHotPixels(std::uint32_t now_us);
+  template <bool kAskNeighbours>
+  std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
+  std::int64_t TicksAt(std::int64_t t_ns) const;
+  void Update(std::int64_t t_ns);
   void UpdateNoise();
+  void UpdateHotPixels();
+  bool IsHot(std::size_t i) const;
+  void ForgetLongAgo(std::int64_t ticks);
   double ChanceOfNeighbours(int at_least) const;
 
   int width_, height_, stride_;
   std::uint32_t window_us_;
   int min_neighbours_;
   double hot_factor_;
+  int tick_shift_ = 0;  // a tick is 2^tick_shift_ microseconds: one, unless the window is long
   // One pixel of border on every side, so that neighbours need no bounds check.
-  std::vector<std::uint32_t> last_us_;
-  std::vector<std::uint16_t> counts_;
-  std::vector<std::uint8_t> hot_;
-  std::int64_t t0_ns_ = -1, next_update_ns_ = 0;
-  std::vector<std::uint32_t> block_counts_;  // events per block of 16 x 16 pixels
-  int blocks_per_row_ = 0;
+  std::vector<std::uint32_t> pixels_;
+  std::int64_t t0_ns_ = -1, next_update_ns_ = 0, forgot_ticks_ = 0;
+  std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
+  std::vector<std::uint32_t> hot_;
   double noise_hz_ = 0;
   int needed_neighbours_ = 0;
   int hot_pixels_ = 0;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <utility>
 #include <vector>
 
@@ -31,7 +33,8 @@ class SurfacePool {
     std::swap(fresh.edges, surface->edges);
     fresh.edges.clear();
     *surface = std::move(fresh);
-    return {surface.release(), [store = store_](Surface* used) { store->Return(std::unique_ptr<Surface>(used)); }};
+    return {surface.release(), [store = store_](Surface* used) { store->Return(std::unique_ptr<Surface>(used)); },
+            BlockAllocator<Surface>(store_)};
   }
 
  private:
@@ -41,8 +44,46 @@ class SurfacePool {
       const std::lock_guard<std::mutex> lock(mutex);
       if (free.size() < kMaxFree) free.push_back(std::move(surface));
     }
+    ~Store() {
+      for (void* block : free_blocks) ::operator delete(block);
+    }
     std::mutex mutex;
     std::vector<std::unique_ptr<Surface>> free;
+    std::vector<void*> free_blocks;  // where shared pointers count their owners: all of one size
+  };
+
+  /// Memory for the counts of owners, which returns like the surfaces.
+  template <typename T>
+  struct BlockAllocator {
+    using value_type = T;
+    explicit BlockAllocator(std::shared_ptr<Store> store_in) : store(std::move(store_in)) {}
+    template <typename U>
+    BlockAllocator(const BlockAllocator<U>& other) : store(other.store) {}  // NOLINT(google-explicit-constructor)
+
+    T* allocate(std::size_t count) {
+      const std::lock_guard<std::mutex> lock(store->mutex);
+      if (store->free_blocks.empty()) return static_cast<T*>(::operator new(count * sizeof(T)));
+      void* block = store->free_blocks.back();
+      store->free_blocks.pop_back();
+      return static_cast<T*>(block);
+    }
+    void deallocate(T* block, std::size_t) {
+      const std::lock_guard<std::mutex> lock(store->mutex);
+      if (store->free_blocks.size() < Store::kMaxFree) {
+        store->free_blocks.push_back(block);
+      } else {
+        ::operator delete(block);
+      }
+    }
+    template <typename U>
+    bool operator==(const BlockAllocator<U>& other) const {
+      return store == other.store;
+    }
+    template <typename U>
+    bool operator!=(const BlockAllocator<U>& other) const {
+      return store != other.store;
+    }
+    std::shared_ptr<Store> store;
   };
   std::shared_ptr<Store> store_ = std::make_shared<Store>();
 };

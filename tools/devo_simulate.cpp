@@ -40,6 +40,8 @@ void AddOptions(CLI::App* app, Arguments* a) {
       ->group("Motion");
   app->add_option("--duration", s.duration_s, "seconds")->capture_default_str()->group("Motion");
   app->add_option("--rest", s.rest_s, "seconds at rest at the begin")->capture_default_str()->group("Motion");
+  app->add_flag("--closed", s.closed, "random motion that comes back and stops where it began: for rosbag play --loop")
+      ->group("Motion");
   app->add_option("--stop", a->stops, "stand still: BEGIN DURATION in seconds; may be repeated")
       ->type_size(2)
       ->group("Motion");

@@ -21,7 +21,8 @@ constexpr std::int64_t kTick_ns = 1000;
 constexpr double kLongestStep_s = 0.005;
 constexpr double kShortestStep_s = 20e-6;
 constexpr double kPose_hz = 200;
-constexpr int kSubSteps = 16;  // finest grid of EventPixels' probes: four halvings
+constexpr double kRamp_s = 0.4;  // to reach full speed, and to stop
+constexpr int kSubSteps = 16;    // finest grid of EventPixels' probes: four halvings
 
 void Expect(bool condition, const std::string& what) {
   if (!condition) throw std::invalid_argument(what);
@@ -36,6 +37,11 @@ void Validate(const SequenceOptions& o) {
   Expect(o.accuracy.contrast > 0 && o.accuracy.straightness > 0, "accuracy; expected contrast and straightness > 0");
   Expect(o.chunk_s >= 1e-4 && o.chunk_s <= 1, "chunk = " + text(o.chunk_s) + "; expected 0.0001..1 s");
   Expect(o.rest_s >= 0, "rest = " + text(o.rest_s) + "; expected >= 0 s");
+  Expect(!o.closed || o.trajectory_file.empty(), "closed motion is random; expected no trajectory file with it");
+  Expect(!o.closed || o.stops.empty(), "closed motion stops at its end only; expected no other stops");
+  Expect(!o.closed || o.duration_s >= o.rest_s + 3 * kRamp_s,
+         "duration = " + text(o.duration_s) + " of a closed motion; expected at least " + text(o.rest_s + 3 * kRamp_s) +
+             " s, to start and stop in");
   Expect(o.start_s > 0, "start = " + text(o.start_s) + "; expected > 0 s");
 }
 
@@ -47,9 +53,17 @@ Scene BuildScene(const SequenceOptions& o) {
 }
 
 Trajectory BuildTrajectory(const SequenceOptions& o, const Scene& scene) {
+  if (o.closed) {
+    const bool rests = o.rest_s > 0;  // without, it passes its begin at full speed
+    // Each of the two ramps covers half of what full speed would.
+    const double at_speed_s = rests ? o.duration_s - o.rest_s - kRamp_s : o.duration_s;
+    Trajectory loop = ClosedTrajectory(scene.motion, LimitsOf(o.speed), at_speed_s, o.seed);
+    if (rests) loop.SetPauses(o.rest_s, {{o.duration_s, 0}}, kRamp_s);
+    return loop;
+  }
   Trajectory t = o.trajectory_file.empty() ? RandomTrajectory(scene.motion, LimitsOf(o.speed), o.duration_s, o.seed)
                                            : TrajectoryFromTum(o.trajectory_file);
-  t.SetPauses(o.rest_s, o.stops);
+  t.SetPauses(o.rest_s, o.stops, kRamp_s);
   return t;
 }
 

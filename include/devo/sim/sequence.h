@@ -35,6 +35,7 @@ struct SequenceOptions {
   std::string trajectory_file;   ///< TUM file with T_world_event, in the scene's world; empty: random motion
   double duration_s = 5;
   double rest_s = 0.3;  ///< at rest first
+  bool closed = false;  ///< random motion that comes back and stops where it began, so that it may be repeated
   std::vector<Stop> stops;
   std::uint64_t seed = 1;
   double start_s = 1000;  ///< stamp of the begin

@@ -64,6 +64,11 @@ MotionLimits LimitsOf(const std::string& speed);
 Trajectory RandomTrajectory(const MotionVolume& volume, const MotionLimits& limits, double duration_s,
                             std::uint64_t seed);
 
+/// The same, but back at its first pose, with the same velocity, after exactly `duration_s`; slower than the limits by
+/// what is needed for that.
+Trajectory ClosedTrajectory(const MotionVolume& volume, const MotionLimits& limits, double duration_s,
+                            std::uint64_t seed);
+
 /// Poses of a TUM file (`t tx ty tz qx qy qz qw`, # comments), with the time of its first pose. Throws
 /// std::runtime_error naming the file and line.
 Trajectory TrajectoryFromTum(const std::string& path, double* first_time_s = nullptr);

@@ -89,7 +89,7 @@ struct RowArrays {
   std::uint8_t* attention;
 };
 struct RowConstants {
-  float to_chip_lux, dark_lux, pole_per_lux, follower_tau, dt, end_in_block, contrast, bend_per_slope;
+  float to_chip_lux, dark_lux, pole_per_lux, follower_tau, dt, end_in_block, contrast, bend_per_slope, parasitic;
   bool filter;
 };
 
@@ -107,8 +107,8 @@ void AdvanceQuietPixels(const RowArrays& a, const RowConstants& c, int n) {
       const F8 lag = (u1 - u0) * (tau / c.dt);
       y1 = u1 - lag + (y0 - u0 + lag) * ExpOfNegative(-c.dt / tau);
     }
-    const F8 leak = Load(a.leak + i) * c.dt;
-    const F8 d = y1 - Load(a.reference + i) + leak, on = Load(a.on + i), off = Load(a.off + i);
+    const F8 on = Load(a.on + i), off = Load(a.off + i);
+    const F8 leak = (Load(a.leak + i) + c.parasitic * light * on) * c.dt, d = y1 - Load(a.reference + i) + leak;
     const F8 step = u1 - u0, limit = c.contrast * on;
     // Light that bends may have been beyond a threshold between the two ends of the step. Twice the bend: it is an
     // estimate from the slope before the step, and may grow within.
@@ -249,6 +249,7 @@ void EventPixels::AdvanceRow(int row, std::int64_t t0_ns, std::int64_t t1_ns, co
                                static_cast<float>(step.block_s + step.dt_s),
                                static_cast<float>(accuracy.contrast),
                                static_cast<float>(step.bend_per_slope),
+                               static_cast<float>(m.parasitic_hz_per_lux),
                                m.limit_bandwidth};
   AdvanceQuietPixels(
       {luminance, &light_[at], &log_light_[at], &level_[at], &reference_[at], &slope_[at], &on_[at], &off_[at],
@@ -308,7 +309,8 @@ EventPixels::Arc EventPixels::LowPassed(const Arc& light, double y0) const {
 void EventPixels::Fire(const Step& step, int column, std::size_t i, const Arc& arc) {
   Pixel& pixel = pixels_[i];
   const double dt = arc.t1 - arc.t0, b = arc.y1 - arc.y0 + 4 * arc.bend, c = -4 * arc.bend;
-  const double leak = static_cast<double>(leak_[i]) * dt;  // over the arc
+  // Over the arc.
+  const double leak = (leak_[i] + sensor_.pixel.parasitic_hz_per_lux * light_[i] * on_[i]) * dt;
   const auto level_at = [&](double s) { return arc.y0 + (b + c * s) * s; };
   double s = 0;  // how much of the arc is done
   float& reference = reference_[i];

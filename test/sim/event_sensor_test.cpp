@@ -190,6 +190,25 @@ TEST(EventPixels, FireNoiseAtTheRateOfTheModel) {
   EXPECT_NEAR(static_cast<double>(on) / static_cast<double>(events.size()), 0.5, 0.02);
 }
 
+TEST(EventPixels, FireAtRestAsOftenAsShotNoiseLeakAndHotPixelsOfTheDefaultModelTogether) {
+  EventPixelModel model;
+  model.hot_share = 0.02;  // enough of them for a mean
+  const EventSensor sensor = SmallSensor(160, 128, model);
+  for (const double lux : {20.0, 3.0}) {  // dim, dark
+    const double chip = 0.4 * lux * sensor.ChipLuxPerSceneLux() + model.dark_current_lux;
+    const EventPixels pixels(sensor, 160, 3);
+    double expected = 160 * 128 * (model.leak_hz + model.parasitic_hz_per_lux * chip + model.hot_share * model.hot_hz);
+    for (int y = 0; y < 128; ++y) {
+      for (int x = 0; x < 160; ++x)
+        expected +=
+            NoiseRate(model, chip, pixels.threshold_on(y, x)) + NoiseRate(model, chip, pixels.threshold_off(y, x));
+    }
+    constexpr double kSeconds = 6;
+    const auto events = EventsOf(sensor, kSeconds, 0.005, [&](double) { return 0.4 * lux; });
+    EXPECT_NEAR(static_cast<double>(events.size()) / kSeconds, expected, 0.05 * expected) << lux << " lux";
+  }
+}
+
 TEST(EventPixels, LeakOnEventsAtTheSetRate) {
   EventPixelModel model = IdealPixel(0.22);
   model.leak_hz = 0.5;
@@ -201,29 +220,95 @@ TEST(EventPixels, LeakOnEventsAtTheSetRate) {
   EXPECT_TRUE(std::all_of(events.begin(), events.end(), [](const Event& e) { return e.polarity == 1; }));
 }
 
+TEST(EventPixels, LeakMoreInBrightLightByTheParasiticPhotocurrent) {
+  EventPixelModel model = IdealPixel(0.22);
+  model.leak_hz = 0.1;
+  model.parasitic_hz_per_lux = 0.01;
+  const EventSensor sensor = SmallSensor(96, 96, model);
+  constexpr double kChipLux = 40;
+  const auto events = EventsOf(sensor, 16, 0.005, [&](double) { return kChipLux / sensor.ChipLuxPerSceneLux(); });
+  const auto late = std::count_if(events.begin(), events.end(), [](const Event& e) { return e.t_ns > 6000000000; });
+  EXPECT_NEAR(static_cast<double>(late) / (96 * 96 * 10), 0.5, 0.025);
+}
+
+TEST(EventPixels, HaveThresholdsOfTheSetMeanAndMismatch) {
+  const EventPixelModel model;
+  const EventSensor sensor = SmallSensor(160, 160, model);
+  const EventPixels pixels(sensor, 160, 3);
+  double sum = 0, squares = 0, products = 0;
+  constexpr double kCount = 160 * 160;
+  for (int y = 0; y < 160; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      const double on = pixels.threshold_on(y, x) - model.threshold_on;
+      const double off = pixels.threshold_off(y, x) - model.threshold_off;
+      sum += on + off;
+      squares += on * on + off * off;
+      products += on * off;
+    }
+  }
+  const double sigma = std::sqrt(squares / (2 * kCount));
+  EXPECT_NEAR(sigma, model.threshold_mismatch, 0.05 * model.threshold_mismatch);
+  EXPECT_NEAR(sum / (2 * kCount), 0, 0.05 * model.threshold_mismatch);
+  EXPECT_NEAR(products / kCount, 0, 0.05 * sigma * sigma) << "ON and OFF thresholds are drawn independently";
+}
+
+TEST(EventPixels, FireAtTheThresholdsThatWereDrawnForThem) {
+  EventPixelModel model = IdealPixel(0.22);
+  model.threshold_mismatch = 0.03;
+  const EventSensor sensor = SmallSensor(32, 16, model);
+  // A ramp of log light: the time between two events of a pixel is its threshold over the slope.
+  constexpr double kSlope = 4;
+  for (const double sign : {1.0, -1.0}) {
+    const auto events = EventsOf(sensor, 0.5, 0.001, [&](double t) { return 500 * std::exp(sign * kSlope * t); });
+    const EventPixels pixels(sensor, 32, 3);  // of the same seed
+    std::vector<std::int64_t> last(32 * 16, -1);
+    int compared = 0;
+    for (const Event& e : events) {
+      ASSERT_EQ(e.polarity, sign > 0 ? 1 : 0);
+      std::int64_t& previous = last[e.y * 32 + e.x];
+      if (previous >= 0) {
+        const double threshold = sign > 0 ? pixels.threshold_on(e.y, e.x) : pixels.threshold_off(e.y, e.x);
+        EXPECT_NEAR(1e-9 * static_cast<double>(e.t_ns - previous), threshold / kSlope, 5e-6);
+        ++compared;
+      }
+      previous = e.t_ns;
+    }
+    EXPECT_GT(compared, 1000);
+  }
+}
+
 TEST(EventPixels, AreHotAtTheSetShareAndRate) {
   EventPixelModel model = IdealPixel(0.22);
   model.hot_share = 0.25;
   model.hot_hz = 20;
-  const auto events = EventsOf(SmallSensor(128, 96, model), 4, 0.005, [](double) { return 100.0; });
-  EXPECT_NEAR(static_cast<double>(events.size()) / (128 * 96 * 4), 5, 0.25);
+  constexpr int kWidth = 192, kHeight = 128, kSeconds = 4;
+  const auto events = EventsOf(SmallSensor(kWidth, kHeight, model), kSeconds, 0.005, [](double) { return 100.0; });
+  std::vector<bool> fired(kWidth * kHeight, false);
+  for (const Event& e : events) fired[e.y * kWidth + e.x] = true;
+  // Rates are exponentially distributed: 1 / (1 + 80) of the hot pixels are silent for 4 s.
+  const double share = static_cast<double>(std::count(fired.begin(), fired.end(), true)) / fired.size();
+  EXPECT_NEAR(share, 0.25 * 80 / 81, 0.05 * 0.25);
+  EXPECT_NEAR(static_cast<double>(events.size()) / (kWidth * kHeight * kSeconds), 5, 0.25);
 }
 
 TEST(EventPixels, AreSilentInConstantLightWithoutNoise) {
   EXPECT_TRUE(EventsOf(SmallSensor(32, 16, IdealPixel()), 1, 0.005, [](double) { return 100.0; }).empty());
 }
 
-TEST(EventPixels, RespectTheRefractoryPeriod) {
+TEST(EventPixels, RespectTheRefractoryPeriodAndFireAsTheRampThatItLeavesOutPredicts) {
   EventPixelModel model = IdealPixel(0.1);
   model.refractory_s = 300e-6;
-  auto events = EventsOf(SmallSensor(16, 16, model), 0.5, 0.0005,
-                         [](double t) { return 100 * std::exp(std::sin(2 * kPi * 40 * t)); });
-  ASSERT_GT(events.size(), 1000U);
+  // The memorised level follows the light while the pixel is refractory: an event every threshold / slope and period.
+  constexpr double kSlope = 40;
+  const double expected_s = 0.1 / kSlope + model.refractory_s;
+  const auto events =
+      EventsOf(SmallSensor(16, 16, model), 0.1, 0.0005, [](double t) { return 10 * std::exp(kSlope * t); });
+  ASSERT_GT(events.size(), 5000U);
   std::vector<std::int64_t> last(256, -1);
   for (const Event& e : events) {
     std::int64_t& previous = last[e.y * 16 + e.x];
     if (previous >= 0) {
-      EXPECT_GE(e.t_ns - previous, 299000);
+      EXPECT_NEAR(1e-9 * static_cast<double>(e.t_ns - previous), expected_s, 3e-6);
     }
     previous = e.t_ns;
   }

@@ -92,7 +92,7 @@ class EventPixels {
   std::vector<float> level_;      ///< photoreceptor's output: the low-passed logarithm
   std::vector<float> reference_;  ///< level memorised at the last event; NaN while the pixel is refractory
   std::vector<float> on_, off_;   ///< thresholds
-  std::vector<float> leak_;       ///< fall of the reference, log units per second
+  std::vector<float> leak_;       ///< fall of the reference in the dark, log units per second
   std::vector<float> noise_s_;    ///< next noise event after the block's begin; infinite: none in this block
   std::vector<std::int64_t> block_begin_ns_;  ///< per row
   std::vector<double> block_s_;               ///< per row, length

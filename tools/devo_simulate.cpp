@@ -88,6 +88,10 @@ void ApplyDialect(const CLI::App& app, Arguments* a) {
   if (app.count("--depth") == 0 && mvsec) a->depth = "registered";
   if (app.count("--depth-rate") == 0 && mvsec) a->sequence.depth_rate_hz = 20;
   a->sequence.lidar = true;
+  if (!mvsec) {
+    a->sequence.regular_camera = true;
+    a->sequence.pose_rate_hz = 120;
+  }
 }
 
 SequenceOptions Finish(Arguments* a) {

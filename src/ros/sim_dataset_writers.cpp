@@ -223,12 +223,15 @@ class MvsecWriter : public SimBagWriter {
   int poses_ = 0;
 };
 
-/// VECtor: one bz2 bag per topic. The "left regular camera" has the event camera's pixels and pose.
+/// VECtor: one bz2 bag per topic.
 class VectorWriter : public SimBagWriter {
  public:
   VectorWriter(const std::string& stem, const sim::Sequence& sequence) : sequence_(sequence), stem_(stem) {
-    const Rig& rig = sequence.rig();
-    if (rig.depth_registered) {
+    if (sequence.options().frames && !sequence.options().regular_camera) {
+      throw std::invalid_argument(
+          "the vector dialect has frames of a regular camera of its own; expected regular_camera, or no frames");
+    }
+    if (sequence.rig().depth_registered) {
       throw std::invalid_argument(
           "the vector dialect has depth from a Kinect of its own; expected depth `kinect` or `exact`");
     }
@@ -301,12 +304,15 @@ class VectorWriter : public SimBagWriter {
     const Rig& rig = sequence_.rig();
     const std::string indent(17, ' ');
     Add(directory + "left_event_camera_intrinsic_results.yaml", CameraYaml(rig.event_camera, "left_event_camera"));
-    Add(directory + "left_regular_camera_intrinsic_results.yaml", CameraYaml(rig.event_camera, "left_regular_camera"));
+    Add(directory + "left_regular_camera_intrinsic_results.yaml",
+        CameraYaml(sequence_.regular_camera_model().camera, "left_regular_camera"));
     Add(directory + "rgbd_depth_camera_factory_intrinsic_results.yaml",
         CameraYaml(rig.depth_camera, "rgbd_depth_camera"));
     // Any colour camera will do as a link of the chain; this one stands as the Kinect's does.
     const Rigid3 T_color_depth(ExpSO3({-0.096, 0, 0}), {-0.0313, -0.0017, -0.0123});
-    const Rigid3 T_cam0_color = rig.T_event_depth * T_color_depth.inverse();
+    const Rigid3 T_event_cam0 = sequence_.regular_camera_model().T_event_camera, T_cam0_event = T_event_cam0.inverse();
+    const Rigid3 T_cam0_color = T_cam0_event * rig.T_event_depth * T_color_depth.inverse();
+    const Rigid3 T_body_cam0 = T_body_event_ * T_event_cam0;
     Add(directory + "rgbd_camera_calibrated_extrinsic_results.yaml",
         "camera_number: 2\ncam0:\n  camera_name: rgbd_color_camera\ncam1:\n  camera_name: rgbd_depth_camera\n  "
         "T_cam0_cam1: " +
@@ -314,12 +320,12 @@ class VectorWriter : public SimBagWriter {
     Add(directory + "small_scale_joint_camera_extrinsic_results.yaml",
         "camera_number: 5\ncam0:\n  camera_name: left_regular_camera\ncam2:\n  camera_name: left_event_camera\n  "
         "T_cam0_cam2: " +
-            MatrixYaml(Rigid3(), false, indent) +
+            MatrixYaml(T_cam0_event, false, indent) +
             "cam4:\n  camera_name: rgbd_color_camera\n  T_cam0_cam4: " + MatrixYaml(T_cam0_color, false, indent));
     Add(directory + "camera_mocap_extrinsic_results1.yaml",
         "camera_number: 1\ncam0:\n  camera_name: left_regular_camera\n  T_body_cam: " +
-            MatrixYaml(T_body_event_, false, indent) +
-            "  T_cam_body: " + MatrixYaml(T_body_event_.inverse(), false, indent));
+            MatrixYaml(T_body_cam0, false, indent) +
+            "  T_cam_body: " + MatrixYaml(T_body_cam0.inverse(), false, indent));
   }
 
   const sim::Sequence& sequence_;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/sim/trajectory.h"
 
+#include <unistd.h>
+
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -94,7 +96,7 @@ TEST(Trajectory, VelocityIsTheDerivativeOfThePose) {
 }
 
 TEST(TrajectoryFromTum, NamesFileAndLineOfWhatItCannotRead) {
-  const std::string path = testing::TempDir() + "/bad.tum";
+  const std::string path = testing::TempDir() + "bad_" + std::to_string(getpid()) + ".tum";
   std::ofstream(path) << "# comment\n1 0 0 0 0 0 0 1\n2 0 0 zero 0 0 0 1\n";
   try {
     TrajectoryFromTum(path);

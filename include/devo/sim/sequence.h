@@ -21,6 +21,7 @@
 #include "devo/sim/frame_sensor.h"
 #include "devo/sim/imu_sensor.h"
 #include "devo/sim/lidar.h"
+#include "devo/sim/regular_camera.h"
 #include "devo/sim/scene.h"
 #include "devo/sim/sensors.h"
 #include "devo/sim/trajectory.h"
@@ -49,8 +50,10 @@ struct SequenceOptions {
   double multipath = 0;            ///< see DepthModel
   bool lidar = false;              ///< 16 beams at 10 Hz beside the camera
   bool frames = true;              ///< blurred, noisy frames of the event camera's pixels
+  bool regular_camera = false;     ///< frames are those of VectorRegularCamera beside the event camera instead
   double frame_rate_hz = 30;
   bool imu = true;
+  double pose_rate_hz = 200;  ///< of ground truth
 
   double max_flow_px = 0.6;        ///< flow between two renderings, anywhere in the image
   EventPixels::Accuracy accuracy;  ///< sampling of a pixel's light between renderings
@@ -71,7 +74,7 @@ struct Chunk {
   std::vector<LidarScan> scans;
   std::vector<Frame> frames;
   std::vector<ImuSample> imu;
-  std::vector<TimedPose> poses;  ///< ground truth, 200 Hz
+  std::vector<TimedPose> poses;  ///< ground truth
 };
 
 struct SequenceStatistics {
@@ -95,6 +98,7 @@ class Sequence {
   const EventSensor& sensor() const;
   const DepthModel& depth_model() const;
   const LidarModel& lidar_model() const;
+  const RegularCameraModel& regular_camera_model() const;
   const Trajectory& trajectory() const;  ///< time 0 is begin_ns()
   const SequenceStatistics& statistics() const;
   std::int64_t begin_ns() const;

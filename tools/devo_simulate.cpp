@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <iostream>
+#include <memory>
 
 #include <CLI/CLI.hpp>
 
@@ -22,7 +23,7 @@ struct Arguments {
   std::string dialect = "plain";
   std::string depth = "kinect";
   std::vector<double> stops;
-  bool no_frames = false, no_imu = false, quiet = false;
+  bool no_frames = false, no_imu = false, quiet = false, right = false;
 };
 
 void AddOptions(CLI::App* app, Arguments* a) {
@@ -73,6 +74,7 @@ void AddOptions(CLI::App* app, Arguments* a) {
                   "sensors, unless given)")
       ->capture_default_str()
       ->group("Output");
+  app->add_flag("--right", a->right, "mvsec: the right camera, too (takes twice as long)")->group("Output");
   app->add_option("--threads", s.threads, "0: one per processor; does not change the result")
       ->capture_default_str()
       ->group("Output");
@@ -144,11 +146,15 @@ class Progress {
 
 void Run(Arguments* arguments) {
   devo::sim::Sequence sequence(Finish(arguments));
-  const auto writer = devo::SimBagWriter::Create(devo::BagDialectOf(arguments->dialect), arguments->out, sequence);
+  std::unique_ptr<devo::sim::Sequence> right;
+  if (arguments->right) right = std::make_unique<devo::sim::Sequence>(devo::RightCameraOf(sequence.options()));
+  const auto writer =
+      devo::SimBagWriter::Create(devo::BagDialectOf(arguments->dialect), arguments->out, sequence, right.get());
   Progress progress(arguments->quiet);
   devo::sim::Chunk chunk;
   while (sequence.Next(&chunk)) {
     writer->Write(chunk);
+    if (right && right->Next(&chunk)) writer->WriteRight(chunk);
     progress.Show(static_cast<double>(chunk.end_ns - sequence.begin_ns()) /
                       static_cast<double>(sequence.end_ns() - sequence.begin_ns()),
                   sequence.statistics());

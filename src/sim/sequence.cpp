@@ -59,13 +59,15 @@ Trajectory BuildTrajectory(const SequenceOptions& o, const Scene& scene) {
     const double at_speed_s = rests ? o.duration_s - o.rest_s - kRamp_s : o.duration_s;
     Trajectory loop = ClosedTrajectory(scene.motion, LimitsOf(o.speed), at_speed_s, o.seed);
     if (rests) loop.SetPauses(o.rest_s, {{o.duration_s, 0}}, kRamp_s);
-    return loop;
+    return loop.MovedTo(o.T_motion_event);
   }
   Trajectory t = o.trajectory_file.empty() ? RandomTrajectory(scene.motion, LimitsOf(o.speed), o.duration_s, o.seed)
                                            : TrajectoryFromTum(o.trajectory_file);
   t.SetPauses(o.rest_s, o.stops, kRamp_s);
-  return t;
+  return t.MovedTo(o.T_motion_event);
 }
+
+std::uint64_t NoiseSeed(const SequenceOptions& o) { return o.noise_seed != 0 ? o.noise_seed : o.seed; }
 
 EventSensor BuildSensor(const SequenceOptions& o) {
   EventSensor sensor = MakeEventSensor(o.sensor);
@@ -94,10 +96,11 @@ struct Sequence::Impl {
   explicit Impl(const SequenceOptions& options_in)
       : options((Validate(options_in), options_in)), scene(BuildScene(options)),
         trajectory(BuildTrajectory(options, scene)), sensor(BuildSensor(options)), pool(options.threads),
-        rays(sensor.camera), pixels(sensor, rays.stride(), options.seed), readout(sensor.pixel),
-        depth_sensor(scene, BuildDepth(options, sensor), options.seed), lidar(scene, LidarModel(), options.seed),
-        imu({}, options.seed), frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, options.seed),
-        regular_camera(scene, VectorRegularCamera(), MakeLight(options.light), options.seed),
+        rays(sensor.camera), pixels(sensor, rays.stride(), NoiseSeed(options)), readout(sensor.pixel),
+        depth_sensor(scene, BuildDepth(options, sensor), NoiseSeed(options)),
+        lidar(scene, LidarModel(), NoiseSeed(options)), imu({}, NoiseSeed(options)),
+        frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, NoiseSeed(options)),
+        regular_camera(scene, VectorRegularCamera(), MakeLight(options.light), NoiseSeed(options)),
         event_frames(options.frames && !options.regular_camera) {
     begin_ns = NsFromSeconds(options.start_s) / kTick_ns * kTick_ns;
     end_ns = begin_ns + NsFromSeconds(options.duration_s) / kTick_ns * kTick_ns;

@@ -153,6 +153,13 @@ void Trajectory::SetPauses(double rest_s, const std::vector<Stop>& stops, double
   }
 }
 
+Trajectory Trajectory::MovedTo(const Rigid3& T_camera_other) const {
+  // Exact: (C T) Exp(b Log((C T)^-1 C' T)) = C Exp(b Log(C^-1 C')) T.
+  Trajectory moved = *this;
+  for (Rigid3& T : moved.control_) T = T * T_camera_other;
+  return moved;
+}
+
 double Trajectory::SplineTime(double t) const {
   double s = 0, from = 0, speed = 1;
   for (const auto& ramp : ramps_) {

@@ -118,6 +118,41 @@ TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
   EXPECT_LT(Log(read.T_event_lidar->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
 }
 
+TEST(SimBagWriter, WritesMvsecsRightCameraOnRequestWithItsPlaceInTheCamchain) {
+  sim::SequenceOptions options = Short("davis240");
+  options.depth = sim::SequenceOptions::Depth::kRegistered;
+  options.duration_s = 0.06;
+  sim::Sequence left(options), right(RightCameraOf(options));
+  const std::string stem = Folder() + "/stereo1";
+  const auto writer = SimBagWriter::Create(BagDialect::kMvsec, stem, left, &right);
+  sim::Chunk chunk;
+  std::size_t events = 0;
+  while (left.Next(&chunk)) {
+    writer->Write(chunk);
+    ASSERT_TRUE(right.Next(&chunk));
+    writer->WriteRight(chunk);
+    events += chunk.events.size();
+  }
+  writer->Close();
+  const auto data = TypesIn(stem + "_data.bag"), gt = TypesIn(stem + "_gt.bag");
+  for (const std::string side : {"/davis/left", "/davis/right"}) {
+    EXPECT_EQ(data.at(side + "/events"), "dvs_msgs/EventArray");
+    for (const char* topic : {"/image_raw", "/imu", "/camera_info"}) EXPECT_EQ(data.count(side + topic), 1U) << topic;
+    for (const char* topic : {"/depth_image_raw", "/depth_image_rect", "/camera_info"})
+      EXPECT_EQ(gt.count(side + topic), 1U) << topic;
+  }
+  EXPECT_GT(events, 200U);
+  EXPECT_EQ(EventsIn(stem + "_data.bag", "/davis/right/events"), events);
+  // The same motion, 10 cm to the right, in front of the same wall: the camchain says so, and so do the poses.
+  const Rigid3 T_left_right = left.trajectory().PoseAt(0.05).inverse() * right.trajectory().PoseAt(0.05);
+  EXPECT_LT(Log(T_left_right.inverse() * Rigid3::Translation({0.1, 0, 0})).norm(), 1e-9);
+  std::ifstream file(Folder() + "/stereo_calib/camchain-imucam-stereo.yaml");
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  EXPECT_NE(text.find("cam1:\n  T_cn_cnm1:\n  - [1, 0, 0, -0.1]"), std::string::npos) << text;
+  EXPECT_NO_THROW(ReadMvsecCalibration(Folder() + "/stereo_calib/camchain-imucam-stereo.yaml"));
+  EXPECT_TRUE(std::ifstream(Folder() + "/stereo_calib/stereo_right_x_map.txt").good());
+}
+
 TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
   sim::SequenceOptions options = Short("gen3_vector");
   options.regular_camera = true;

@@ -38,9 +38,12 @@ struct SequenceOptions {
   double rest_s = 0.3;  ///< at rest first
   bool closed = false;  ///< random motion that comes back and stops where it began, so that it may be repeated
   std::vector<Stop> stops;
-  std::uint64_t seed = 1;
-  double start_s = 1000;  ///< stamp of the begin
-  int threads = 0;        ///< 0: one per processor. Does not change the result.
+  Rigid3
+      T_motion_event;  ///< where on what moves the event camera sits; a second camera of a stereo pair sits elsewhere
+  std::uint64_t seed = 1;        ///< of motion and noise
+  std::uint64_t noise_seed = 0;  ///< not 0: noise of its own for the same motion
+  double start_s = 1000;         ///< stamp of the begin
+  int threads = 0;               ///< 0: one per processor. Does not change the result.
 
   bool ideal_pixels = false;  ///< a perfect event sensor, see IdealPixel
 

@@ -32,6 +32,9 @@ class Trajectory {
   /// Standing still until `rest_s`, then reaching full speed in `ramp_s`; and stops.
   void SetPauses(double rest_s, const std::vector<Stop>& stops, double ramp_s = 0.4);
 
+  /// The same motion for a camera that is mounted at T_camera_other on the first.
+  Trajectory MovedTo(const Rigid3& T_camera_other) const;
+
   /// T_world_camera at a time (s); beyond the ends the camera rests where it ended.
   Rigid3 PoseAt(double t_s) const;
   /// [v; omega] of and in the camera frame (m/s, rad/s), by central differences.

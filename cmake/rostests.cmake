@@ -48,6 +48,8 @@ add_dependencies(zero_copy_test devo_nodelets)
 
 add_rostest(test/rostest/launch_files.test)
 
+add_rostest(test/rostest/simulated_sensor.test DEPENDENCIES devo_nodelets)
+
 add_rostest(test/rostest/recordings.test
   ARGS mvsec:=${devo_test_data}/mvsec vector:=${devo_test_data}/vector
   DEPENDENCIES ${devo_rostest_dependencies} devo_dialect_recordings)

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <iostream>
+#include <memory>
 
 #include <CLI/CLI.hpp>
 
@@ -22,24 +23,33 @@ struct Arguments {
   std::string dialect = "plain";
   std::string depth = "kinect";
   std::vector<double> stops;
-  bool no_frames = false, no_imu = false, quiet = false;
+  bool no_frames = false, no_imu = false, quiet = false, right = false;
 };
 
 void AddOptions(CLI::App* app, Arguments* a) {
   SequenceOptions& s = a->sequence;
   app->add_option("--out", a->out, "file name without extension: OUT.bag, OUT.yaml, OUT_groundtruth.txt")
       ->capture_default_str();
-  app->add_option("--scene", s.scene, "cali, table, sofa, hall, or a scene .yaml")
+  app->add_option("--scene", s.scene,
+                  "cali (textured boards), table (desk), sofa (living room, few edges), hall (36 m, "
+                  "for LiDAR), or a scene of your own: copy config/sim/example_scene.yaml")
       ->capture_default_str()
       ->group("What is seen");
-  app->add_option("--light", s.light, "bright, darkish, dim, dark, hdr")->capture_default_str()->group("What is seen");
+  app->add_option("--light", s.light, "bright (500 lux), darkish (100), dim (20), dark (3), hdr (dim room, one spot)")
+      ->capture_default_str()
+      ->group("What is seen");
   app->add_option("--speed", s.speed, "slow (0.3 m/s, 30 deg/s), mid (0.8, 80) or fast (1.5, 200)")
       ->capture_default_str()
       ->group("Motion");
-  app->add_option("--trajectory", s.trajectory_file, "TUM file with poses of the event camera instead of random motion")
+  app->add_option(
+         "--trajectory", s.trajectory_file,
+         "instead of random motion: TUM file (t tx ty tz qx qy qz qw) with poses of the event camera (z forward, "
+         "x right, y down) in the scene's world (z up); sets the duration")
       ->group("Motion");
   app->add_option("--duration", s.duration_s, "seconds")->capture_default_str()->group("Motion");
   app->add_option("--rest", s.rest_s, "seconds at rest at the begin")->capture_default_str()->group("Motion");
+  app->add_flag("--closed", s.closed, "random motion that comes back and stops where it began: for rosbag play --loop")
+      ->group("Motion");
   app->add_option("--stop", a->stops, "stand still: BEGIN DURATION in seconds; may be repeated")
       ->type_size(2)
       ->group("Motion");
@@ -71,6 +81,7 @@ void AddOptions(CLI::App* app, Arguments* a) {
                   "sensors, unless given)")
       ->capture_default_str()
       ->group("Output");
+  app->add_flag("--right", a->right, "mvsec: the right camera, too (takes twice as long)")->group("Output");
   app->add_option("--threads", s.threads, "0: one per processor; does not change the result")
       ->capture_default_str()
       ->group("Output");
@@ -86,6 +97,18 @@ void ApplyDialect(const CLI::App& app, Arguments* a) {
   if (app.count("--depth") == 0 && mvsec) a->depth = "registered";
   if (app.count("--depth-rate") == 0 && mvsec) a->sequence.depth_rate_hz = 20;
   a->sequence.lidar = true;
+  if (!mvsec) {
+    a->sequence.regular_camera = true;
+    a->sequence.pose_rate_hz = 120;
+  }
+}
+
+/// A given motion is simulated to its end, unless the user says how long.
+void ApplyTrajectory(const CLI::App& app, SequenceOptions* s) {
+  if (s->trajectory_file.empty() || app.count("--duration") > 0) return;
+  devo::sim::Trajectory motion = devo::sim::TrajectoryFromTum(s->trajectory_file);
+  motion.SetPauses(s->rest_s, {});
+  s->duration_s = motion.duration_s();
 }
 
 SequenceOptions Finish(Arguments* a) {
@@ -138,11 +161,15 @@ class Progress {
 
 void Run(Arguments* arguments) {
   devo::sim::Sequence sequence(Finish(arguments));
-  const auto writer = devo::SimBagWriter::Create(devo::BagDialectOf(arguments->dialect), arguments->out, sequence);
+  std::unique_ptr<devo::sim::Sequence> right;
+  if (arguments->right) right = std::make_unique<devo::sim::Sequence>(devo::RightCameraOf(sequence.options()));
+  const auto writer =
+      devo::SimBagWriter::Create(devo::BagDialectOf(arguments->dialect), arguments->out, sequence, right.get());
   Progress progress(arguments->quiet);
   devo::sim::Chunk chunk;
   while (sequence.Next(&chunk)) {
     writer->Write(chunk);
+    if (right && right->Next(&chunk)) writer->WriteRight(chunk);
     progress.Show(static_cast<double>(chunk.end_ns - sequence.begin_ns()) /
                       static_cast<double>(sequence.end_ns() - sequence.begin_ns()),
                   sequence.statistics());
@@ -164,14 +191,21 @@ void Run(Arguments* arguments) {
 int main(int argc, char** argv) {
   CLI::App app(
       "Simulates an event camera with a depth camera, frames, IMU and ground truth in a synthetic scene and writes ROS "
-      "bags.\n"
-      "Example: devo_simulate --scene table --speed mid --light bright --duration 5 --out /tmp/table_mid\n"
-      "Models and options: docs/simulation.md");
+      "bags.");
+  app.footer(
+      "First steps (1 s of 640x480 takes some 15 s on two cores, of davis240 3 s):\n"
+      "  devo_simulate --scene table --sensor davis240 --duration 4 --out /tmp/table\n"
+      "  devo_offline --config /tmp/table.yaml --bag /tmp/table.bag --out /tmp/result\n"
+      "  devo_evaluate /tmp/table_groundtruth.txt /tmp/result/trajectory.txt\n"
+      "  roslaunch devo replay.launch config:=/tmp/table.yaml bag:=/tmp/table.bag\n"
+      "More: --scene sofa --light dark --speed fast is hard; --ideal --depth exact is as easy as it gets;\n"
+      "--dialect mvsec or vector writes a data set's files. Models and their sources: docs/simulation.md");
   Arguments arguments;
   AddOptions(&app, &arguments);
   CLI11_PARSE(app, argc, argv);
   try {
     ApplyDialect(app, &arguments);
+    ApplyTrajectory(app, &arguments.sequence);
     Run(&arguments);
   } catch (const std::exception& e) {
     std::cerr << "devo_simulate: " << e.what() << '\n';

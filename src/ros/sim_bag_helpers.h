@@ -20,7 +20,8 @@ void WriteSimText(const std::string& path, const std::string& text);
 /// Makes a directory unless it is there; throws std::runtime_error naming it.
 void MakeSimDirectory(const std::string& path);
 
-std::unique_ptr<SimBagWriter> MakeMvsecWriter(const std::string& stem, const sim::Sequence& sequence);
+std::unique_ptr<SimBagWriter> MakeMvsecWriter(const std::string& stem, const sim::Sequence& sequence,
+                                              const sim::Sequence* right);
 std::unique_ptr<SimBagWriter> MakeVectorWriter(const std::string& stem, const sim::Sequence& sequence);
 
 }  // namespace devo

@@ -265,9 +265,23 @@ BagDialect BagDialectOf(const std::string& name) {
   throw std::invalid_argument("bag dialect '" + name + "' is not known; expected one of plain, mvsec, vector");
 }
 
+void SimBagWriter::WriteRight(const sim::Chunk& /*chunk*/) {
+  throw std::logic_error("this dialect is written without a right camera");
+}
+
+sim::SequenceOptions RightCameraOf(const sim::SequenceOptions& left) {
+  sim::SequenceOptions right = left;
+  right.T_motion_event = left.T_motion_event * Rigid3::Translation({0.1, 0, 0});
+  right.noise_seed = left.seed + 0x51e2e0;
+  right.lidar = false;
+  return right;
+}
+
 std::unique_ptr<SimBagWriter> SimBagWriter::Create(BagDialect dialect, const std::string& stem,
-                                                   const sim::Sequence& sequence) {
-  if (dialect == BagDialect::kMvsec) return MakeMvsecWriter(stem, sequence);
+                                                   const sim::Sequence& sequence, const sim::Sequence* right) {
+  if (right != nullptr && dialect != BagDialect::kMvsec)
+    throw std::invalid_argument("a right camera is written in the mvsec dialect only");
+  if (dialect == BagDialect::kMvsec) return MakeMvsecWriter(stem, sequence, right);
   if (dialect == BagDialect::kVector) return MakeVectorWriter(stem, sequence);
   return std::make_unique<PlainWriter>(stem, sequence);
 }

@@ -5,6 +5,7 @@
 #include <iomanip>
 #include <limits>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 
@@ -115,43 +116,32 @@ std::string Numbers(const std::vector<double>& values) {
   return out.str();
 }
 
-/// MVSEC: everything of the left DAVIS in two bags; camchain and rectification maps in NAME_calib/.
+/// MVSEC: everything of the DAVISes in two bags; camchain and rectification maps in NAME_calib/.
 class MvsecWriter : public SimBagWriter {
  public:
-  MvsecWriter(const std::string& stem, const sim::Sequence& sequence)
+  MvsecWriter(const std::string& stem, const sim::Sequence& sequence, const sim::Sequence* right)
       : sequence_(sequence), camera_(sequence.rig().event_camera) {
-    if (!sequence.rig().depth_registered) {
+    if (!sequence.rig().depth_registered || (right != nullptr && !right->rig().depth_registered)) {
       throw std::invalid_argument(
           "the mvsec dialect has depth in the event camera's image; expected depth `registered`");
     }
+    if (right != nullptr) T_right_left_ = right->options().T_motion_event.inverse() * sequence.options().T_motion_event;
     OpenSimBag(stem + "_data.bag", rosbag::compression::LZ4, &data_);
     OpenSimBag(stem + "_gt.bag", rosbag::compression::LZ4, &gt_);
     std::string scene = BaseName(stem);
     while (scene.size() > 1 && std::isdigit(static_cast<unsigned char>(scene.back())) != 0) scene.pop_back();
     const std::string directory = stem.substr(0, stem.size() - BaseName(stem).size()) + scene + "_calib/";
     MakeSimDirectory(directory);
-    files_ = {stem + "_data.bag", stem + "_gt.bag", directory + "camchain-imucam-" + scene + ".yaml",
-              directory + scene + "_left_x_map.txt", directory + scene + "_left_y_map.txt"};
+    files_ = {stem + "_data.bag", stem + "_gt.bag", directory + "camchain-imucam-" + scene + ".yaml"};
     WriteSimText(files_[2], Camchain());
-    WriteMaps(files_[3], files_[4]);
+    WriteMaps(directory + scene + "_left_");
+    if (T_right_left_) WriteMaps(directory + scene + "_right_");
   }
 
   void Write(const sim::Chunk& chunk) override {
-    WriteEvents<DvsName>(chunk, camera_, "/davis/left/events", kFrame, &data_);
-    for (const auto& frame : chunk.frames) {
-      data_.write("/davis/left/image_raw", SimStamp(frame.t_ns), ToFrameMsg(frame, kFrame));
-      data_.write("/davis/left/camera_info", SimStamp(frame.t_ns), ToCameraInfoMsg(camera_, frame.t_ns, kFrame));
-    }
-    for (const auto& sample : chunk.imu)
-      data_.write("/davis/left/imu", SimStamp(sample.t_ns), ToImuMsg(sample, kFrame));
+    WriteCamera(chunk, "/davis/left", "davis_left");
     for (const auto& scan : chunk.scans) {
       data_.write("/velodyne_point_cloud", SimStamp(scan.t_ns), ToPointCloudMsg(scan, "velodyne"));
-    }
-    for (const auto& depth : chunk.depth) {
-      const DepthImage rectified{depth.t_ns, Rectified(depth.depth_m)};
-      gt_.write("/davis/left/depth_image_raw", SimStamp(depth.t_ns), ToDepthMsg(depth, "32FC1", kFrame));
-      gt_.write("/davis/left/depth_image_rect", SimStamp(depth.t_ns), ToDepthMsg(rectified, "32FC1", kFrame));
-      gt_.write("/davis/left/camera_info", SimStamp(depth.t_ns), ToCameraInfoMsg(camera_, depth.t_ns, kFrame));
     }
     for (const auto& pose : chunk.poses) {
       const auto message = ToPoseMsg(pose.t_ns, pose.T_world_event, "map");
@@ -160,13 +150,28 @@ class MvsecWriter : public SimBagWriter {
     }
   }
 
+  void WriteRight(const sim::Chunk& chunk) override { WriteCamera(chunk, "/davis/right", "davis_right"); }
+
   void Close() override {
     data_.close();
     gt_.close();
   }
 
  private:
-  static constexpr const char* kFrame = "davis_left";
+  void WriteCamera(const sim::Chunk& chunk, const std::string& name, const std::string& frame_id) {
+    WriteEvents<DvsName>(chunk, camera_, name + "/events", frame_id, &data_);
+    for (const auto& frame : chunk.frames) {
+      data_.write(name + "/image_raw", SimStamp(frame.t_ns), ToFrameMsg(frame, frame_id));
+      data_.write(name + "/camera_info", SimStamp(frame.t_ns), ToCameraInfoMsg(camera_, frame.t_ns, frame_id));
+    }
+    for (const auto& sample : chunk.imu) data_.write(name + "/imu", SimStamp(sample.t_ns), ToImuMsg(sample, frame_id));
+    for (const auto& depth : chunk.depth) {
+      const DepthImage rectified{depth.t_ns, Rectified(depth.depth_m)};
+      gt_.write(name + "/depth_image_raw", SimStamp(depth.t_ns), ToDepthMsg(depth, "32FC1", frame_id));
+      gt_.write(name + "/depth_image_rect", SimStamp(depth.t_ns), ToDepthMsg(rectified, "32FC1", frame_id));
+      gt_.write(name + "/camera_info", SimStamp(depth.t_ns), ToCameraInfoMsg(camera_, depth.t_ns, frame_id));
+    }
+  }
 
   std::string Camchain() const {
     std::ostringstream out;
@@ -174,23 +179,38 @@ class MvsecWriter : public SimBagWriter {
     if (sequence_.options().lidar) {
       out << "T_cam0_lidar:\n" << MatrixYaml(sequence_.lidar_model().T_event_lidar, true, "");
     }
-    out << "cam0:\n  T_cam_imu:\n" << MatrixYaml(Rigid3(), true, "  ");
+    out << "cam0:\n" << CameraInChain("left", Rigid3(), 0);
+    if (T_right_left_) {
+      out << "cam1:\n  T_cn_cnm1:\n" << MatrixYaml(*T_right_left_, true, "  ");
+      out << CameraInChain("right", *T_right_left_, camera_.fx() * T_right_left_->translation().x());
+    }
+    return out.str();
+  }
+
+  /// `shift`: the fourth number of the projection matrix, fx times the baseline.
+  std::string CameraInChain(const std::string& side, const Rigid3& T_cam_imu, double shift) const {
+    std::ostringstream out;
+    out << "  T_cam_imu:\n" << MatrixYaml(T_cam_imu, true, "  ");
     // Kalibr calls ROS's plumb_bob with four coefficients radtan.
     std::vector<double> coefficients = camera_.coefficients();
     const bool plumb_bob = camera_.distortion() == DistortionModel::kPlumbBob;
     if (plumb_bob) coefficients.resize(4);
-    out << "  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: " << Numbers(coefficients)
+    out << "  cam_overlaps: "
+        << (!T_right_left_   ? "[]"
+            : side == "left" ? "[1]"
+                             : "[0]")
+        << "\n  camera_model: pinhole\n  distortion_coeffs: " << Numbers(coefficients)
         << "\n  distortion_model: " << (plumb_bob ? "radtan" : sim::DistortionName(camera_))
         << "\n  intrinsics: " << Numbers({camera_.fx(), camera_.fy(), camera_.cx(), camera_.cy()})
-        << "\n  projection_matrix:\n  - " << Numbers({camera_.fx(), 0, camera_.cx(), 0}) << "\n  - "
+        << "\n  projection_matrix:\n  - " << Numbers({camera_.fx(), 0, camera_.cx(), shift}) << "\n  - "
         << Numbers({0, camera_.fy(), camera_.cy(), 0})
         << "\n  - [0, 0, 1, 0]\n  rectification_matrix:\n  - [1, 0, 0]\n  - [0, 1, 0]\n  - [0, 0, 1]\n  resolution: ["
-        << camera_.width() << ", " << camera_.height() << "]\n  rostopic: /davis/left/image_raw\n";
+        << camera_.width() << ", " << camera_.height() << "]\n  rostopic: /davis/" << side << "/image_raw\n";
     return out.str();
   }
 
   /// Rectified coordinates of every raw pixel, one image row per line.
-  void WriteMaps(const std::string& x_path, const std::string& y_path) const {
+  void WriteMaps(const std::string& prefix) {
     std::ostringstream x_text, y_text;
     for (int y = 0; y < camera_.height(); ++y) {
       for (int x = 0; x < camera_.width(); ++x) {
@@ -200,8 +220,10 @@ class MvsecWriter : public SimBagWriter {
         y_text << (ray ? camera_.fy() * ray->y() + camera_.cy() : -1) << end;
       }
     }
-    WriteSimText(x_path, x_text.str());
-    WriteSimText(y_path, y_text.str());
+    WriteSimText(prefix + "x_map.txt", x_text.str());
+    WriteSimText(prefix + "y_map.txt", y_text.str());
+    files_.push_back(prefix + "x_map.txt");
+    files_.push_back(prefix + "y_map.txt");
   }
 
   cv::Mat1f Rectified(const cv::Mat1f& raw) const {
@@ -218,17 +240,21 @@ class MvsecWriter : public SimBagWriter {
   }
 
   const sim::Sequence& sequence_;
-  const Camera camera_;
+  const Camera camera_;  // of both: they are of one kind
+  std::optional<Rigid3> T_right_left_;
   rosbag::Bag data_, gt_;
   int poses_ = 0;
 };
 
-/// VECtor: one bz2 bag per topic. The "left regular camera" has the event camera's pixels and pose.
+/// VECtor: one bz2 bag per topic.
 class VectorWriter : public SimBagWriter {
  public:
   VectorWriter(const std::string& stem, const sim::Sequence& sequence) : sequence_(sequence), stem_(stem) {
-    const Rig& rig = sequence.rig();
-    if (rig.depth_registered) {
+    if (sequence.options().frames && !sequence.options().regular_camera) {
+      throw std::invalid_argument(
+          "the vector dialect has frames of a regular camera of its own; expected regular_camera, or no frames");
+    }
+    if (sequence.rig().depth_registered) {
       throw std::invalid_argument(
           "the vector dialect has depth from a Kinect of its own; expected depth `kinect` or `exact`");
     }
@@ -301,12 +327,15 @@ class VectorWriter : public SimBagWriter {
     const Rig& rig = sequence_.rig();
     const std::string indent(17, ' ');
     Add(directory + "left_event_camera_intrinsic_results.yaml", CameraYaml(rig.event_camera, "left_event_camera"));
-    Add(directory + "left_regular_camera_intrinsic_results.yaml", CameraYaml(rig.event_camera, "left_regular_camera"));
+    Add(directory + "left_regular_camera_intrinsic_results.yaml",
+        CameraYaml(sequence_.regular_camera_model().camera, "left_regular_camera"));
     Add(directory + "rgbd_depth_camera_factory_intrinsic_results.yaml",
         CameraYaml(rig.depth_camera, "rgbd_depth_camera"));
     // Any colour camera will do as a link of the chain; this one stands as the Kinect's does.
     const Rigid3 T_color_depth(ExpSO3({-0.096, 0, 0}), {-0.0313, -0.0017, -0.0123});
-    const Rigid3 T_cam0_color = rig.T_event_depth * T_color_depth.inverse();
+    const Rigid3 T_event_cam0 = sequence_.regular_camera_model().T_event_camera, T_cam0_event = T_event_cam0.inverse();
+    const Rigid3 T_cam0_color = T_cam0_event * rig.T_event_depth * T_color_depth.inverse();
+    const Rigid3 T_body_cam0 = T_body_event_ * T_event_cam0;
     Add(directory + "rgbd_camera_calibrated_extrinsic_results.yaml",
         "camera_number: 2\ncam0:\n  camera_name: rgbd_color_camera\ncam1:\n  camera_name: rgbd_depth_camera\n  "
         "T_cam0_cam1: " +
@@ -314,12 +343,12 @@ class VectorWriter : public SimBagWriter {
     Add(directory + "small_scale_joint_camera_extrinsic_results.yaml",
         "camera_number: 5\ncam0:\n  camera_name: left_regular_camera\ncam2:\n  camera_name: left_event_camera\n  "
         "T_cam0_cam2: " +
-            MatrixYaml(Rigid3(), false, indent) +
+            MatrixYaml(T_cam0_event, false, indent) +
             "cam4:\n  camera_name: rgbd_color_camera\n  T_cam0_cam4: " + MatrixYaml(T_cam0_color, false, indent));
     Add(directory + "camera_mocap_extrinsic_results1.yaml",
         "camera_number: 1\ncam0:\n  camera_name: left_regular_camera\n  T_body_cam: " +
-            MatrixYaml(T_body_event_, false, indent) +
-            "  T_cam_body: " + MatrixYaml(T_body_event_.inverse(), false, indent));
+            MatrixYaml(T_body_cam0, false, indent) +
+            "  T_cam_body: " + MatrixYaml(T_body_cam0.inverse(), false, indent));
   }
 
   const sim::Sequence& sequence_;
@@ -331,8 +360,9 @@ class VectorWriter : public SimBagWriter {
 
 }  // namespace
 
-std::unique_ptr<SimBagWriter> MakeMvsecWriter(const std::string& stem, const sim::Sequence& sequence) {
-  return std::make_unique<MvsecWriter>(stem, sequence);
+std::unique_ptr<SimBagWriter> MakeMvsecWriter(const std::string& stem, const sim::Sequence& sequence,
+                                              const sim::Sequence* right) {
+  return std::make_unique<MvsecWriter>(stem, sequence, right);
 }
 
 std::unique_ptr<SimBagWriter> MakeVectorWriter(const std::string& stem, const sim::Sequence& sequence) {

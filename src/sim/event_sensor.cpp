@@ -84,12 +84,12 @@ inline __attribute__((always_inline)) F8 ExpOfNegative(F8 x) {
 struct RowArrays {
   const float* luminance;
   float *light, *log_light, *level, *reference;
-  const float *on, *off, *leak, *noise_s;
+  const float *slope, *on, *off, *leak, *noise_s;
   float *new_light, *new_log, *new_level;
   std::uint8_t* attention;
 };
 struct RowConstants {
-  float to_chip_lux, dark_lux, pole_per_lux, follower_tau, dt, end_in_block, contrast;
+  float to_chip_lux, dark_lux, pole_per_lux, follower_tau, dt, end_in_block, contrast, bend_per_slope, parasitic;
   bool filter;
 };
 
@@ -107,10 +107,14 @@ void AdvanceQuietPixels(const RowArrays& a, const RowConstants& c, int n) {
       const F8 lag = (u1 - u0) * (tau / c.dt);
       y1 = u1 - lag + (y0 - u0 + lag) * ExpOfNegative(-c.dt / tau);
     }
-    const F8 leak = Load(a.leak + i) * c.dt;
-    const F8 d = y1 - Load(a.reference + i) + leak, on = Load(a.on + i), off = Load(a.off + i);
+    const F8 on = Load(a.on + i), off = Load(a.off + i);
+    const F8 leak = (Load(a.leak + i) + c.parasitic * light * on) * c.dt, d = y1 - Load(a.reference + i) + leak;
     const F8 step = u1 - u0, limit = c.contrast * on;
-    const I8 quiet = (d < on) & (-d < off) & (step < limit) & (-step < limit) & (Load(a.noise_s + i) > c.end_in_block);
+    // Light that bends may have been beyond a threshold between the two ends of the step. Twice the bend: it is an
+    // estimate from the slope before the step, and may grow within.
+    const F8 turn = (step / c.dt - Load(a.slope + i)) * (2.0F * c.bend_per_slope), bend = turn < 0.0F ? -turn : turn;
+    const I8 quiet =
+        (d + bend < on) & (bend - d < off) & (step < limit) & (-step < limit) & (Load(a.noise_s + i) > c.end_in_block);
     std::memcpy(a.new_light + i, &light, sizeof light);
     std::memcpy(a.new_log + i, &u1, sizeof u1);
     std::memcpy(a.new_level + i, &y1, sizeof y1);
@@ -128,6 +132,22 @@ std::uint32_t NextRandom(std::uint32_t* state) {  // PCG-RXS-M-XS (O'Neill 2014)
 }
 
 float Uniform(std::uint32_t* state) { return (static_cast<float>(NextRandom(state) >> 8) + 0.5F) * 0x1p-24F; }
+
+/// How far the middle of a parabola lies above its chord, per difference between the slope of its chord (over `dt`) and
+/// that of the chord before it (over `dt_before`).
+double BendPerSlope(double dt_before, double dt) { return -dt * dt / (4 * (dt_before + dt)); }
+
+/// The first s in [from, 1] where a + b s + c s^2 reaches `level`, which it does not at `from`; infinite: nowhere.
+double FirstRoot(double a, double b, double c, double level, double from) {
+  const double discriminant = b * b - 4 * c * (a - level);
+  if (!(discriminant >= 0)) return kNever;
+  const double q = -0.5 * (b + std::copysign(std::sqrt(discriminant), b));
+  double first = kNever;
+  for (const double root : {q / c, (a - level) / q}) {
+    if (root >= from && root <= 1) first = std::min(first, root);
+  }
+  return first;
+}
 
 float Gaussian(std::uint32_t* state) {
   const float r = std::sqrt(-2 * std::log(Uniform(state)));
@@ -147,6 +167,7 @@ EventPixels::EventPixels(const EventSensor& sensor, int stride, std::uint64_t se
   noise_s_.assign(size, kNever);
   block_begin_ns_.assign(height_, 0);
   block_s_.assign(height_, 0);
+  step_s_.assign(height_, 0);
   const EventPixelModel& m = sensor_.pixel;
   for (int y = 0; y < height_; ++y) {
     for (int x = 0; x < width_; ++x) {
@@ -214,6 +235,7 @@ void EventPixels::AdvanceRow(int row, std::int64_t t0_ns, std::int64_t t1_ns, co
                   t0_ns,
                   1e-9 * static_cast<double>(t1_ns - t0_ns),
                   1e-9 * static_cast<double>(t0_ns - block_begin_ns_[row]),
+                  BendPerSlope(step_s_[row], 1e-9 * static_cast<double>(t1_ns - t0_ns)),
                   accuracy,
                   &probe,
                   events};
@@ -226,16 +248,20 @@ void EventPixels::AdvanceRow(int row, std::int64_t t0_ns, std::int64_t t1_ns, co
                                static_cast<float>(step.dt_s),
                                static_cast<float>(step.block_s + step.dt_s),
                                static_cast<float>(accuracy.contrast),
+                               static_cast<float>(step.bend_per_slope),
+                               static_cast<float>(m.parasitic_hz_per_lux),
                                m.limit_bandwidth};
-  AdvanceQuietPixels({luminance, &light_[at], &log_light_[at], &level_[at], &reference_[at], &on_[at], &off_[at],
-                      &leak_[at], &noise_s_[at], new_light.data(), new_log.data(), new_level.data(), attention.data()},
-                     constants, stride_);
+  AdvanceQuietPixels(
+      {luminance, &light_[at], &log_light_[at], &level_[at], &reference_[at], &slope_[at], &on_[at], &off_[at],
+       &leak_[at], &noise_s_[at], new_light.data(), new_log.data(), new_level.data(), attention.data()},
+      constants, stride_);
   for (int x = 0; x < width_; ++x) {
     if (attention[x] != 0) {
       AdvancePixel(step, x, at + x, new_log[x]);
       new_level[x] = level_[at + x];
     }
   }
+  step_s_[row] = step.dt_s;
   const float per_s = static_cast<float>(1 / step.dt_s);
   for (int x = 0; x < stride_; ++x) slope_[at + x] = (new_log[x] - log_light_[at + x]) * per_s;
   std::copy(new_light.begin(), new_light.end(), light_.begin() + static_cast<std::ptrdiff_t>(at));
@@ -245,8 +271,7 @@ void EventPixels::AdvanceRow(int row, std::int64_t t0_ns, std::int64_t t1_ns, co
 
 void EventPixels::AdvancePixel(const Step& step, int column, std::size_t i, float log_light) {
   float level = level_[i];
-  // u'' dt^2 / 8 is how far a parabola bends from its chord.
-  const double bend = std::abs(log_light - log_light_[i] - slope_[i] * step.dt_s) / 8;
+  const double bend = ((log_light - log_light_[i]) / step.dt_s - slope_[i]) * step.bend_per_slope;
   Subdivide(step, column, i, {0, log_light_[i]}, {1, log_light}, bend, 0, &level);
   level_[i] = level;
 }
@@ -254,69 +279,77 @@ void EventPixels::AdvancePixel(const Step& step, int column, std::size_t i, floa
 void EventPixels::Subdivide(const Step& step, int column, std::size_t i, Sample from, Sample to, double bend, int depth,
                             float* level) {
   const bool coarse = std::abs(to.log_light - from.log_light) > step.accuracy.contrast * on_[i] ||
-                      bend > step.accuracy.straightness * on_[i];
+                      std::abs(bend) > step.accuracy.straightness * on_[i];
   if (depth < kMaxHalvings && *step.probe && coarse) {
     Sample middle{0.5 * (from.share + to.share), 0};
     const float dark = static_cast<float>(std::max(1e-6, sensor_.pixel.dark_current_lux));
     middle.log_light = std::log((*step.probe)(middle.share, column) * to_chip_lux_ + dark);
-    const double bend_of_half = std::abs(middle.log_light - 0.5F * (from.log_light + to.log_light)) / 4;
+    // Half of a parabola lies a quarter as far from its chord.
+    const double bend_of_half = (middle.log_light - 0.5 * (from.log_light + to.log_light)) / 4;
     Subdivide(step, column, i, from, middle, bend_of_half, depth + 1, level);
     Subdivide(step, column, i, middle, to, bend_of_half, depth + 1, level);
     return;
   }
-  const double t0 = from.share * step.dt_s, t1 = to.share * step.dt_s;
-  const float y0 = *level;
-  float y1 = to.log_light;
-  if (sensor_.pixel.limit_bandwidth) {
-    const float dt = static_cast<float>(t1 - t0);
-    const float tau = TimeConstant(std::exp(0.5F * (from.log_light + to.log_light)));
-    const float lag = (to.log_light - from.log_light) * tau / dt;
-    y1 = to.log_light - lag + (y0 - from.log_light + lag) * std::exp(-dt / tau);
-  }
-  Segment(step, column, i, t0, t1, y0, y1);
-  *level = y1;
+  const Arc light{from.share * step.dt_s, to.share * step.dt_s, from.log_light, to.log_light, bend};
+  const Arc arc = sensor_.pixel.limit_bandwidth ? LowPassed(light, *level) : light;
+  Fire(step, column, i, arc);
+  *level = static_cast<float>(arc.y1);
 }
 
-void EventPixels::Segment(const Step& step, int column, std::size_t i, double t0, double t1, float y0, float y1) {
+EventPixels::Arc EventPixels::LowPassed(const Arc& light, double y0) const {
+  // y' = (u - y) / tau for u = u0 + b t + c t^2 is solved by y = u - tau u' + tau^2 u'' + (what decays).
+  const double dt = light.t1 - light.t0, tau = TimeConstant(std::exp(static_cast<float>(0.5 * (light.y0 + light.y1))));
+  const double c = -4 * light.bend / (dt * dt), b = (light.y1 - light.y0) / dt - c * dt;
+  const auto steady = [&](double t) { return light.y0 + b * (t - tau) + c * (t * t - 2 * tau * t + 2 * tau * tau); };
+  const double decays = y0 - steady(0), half = std::exp(-0.5 * dt / tau);
+  const double y1 = steady(dt) + decays * half * half;
+  return {light.t0, light.t1, y0, y1, steady(0.5 * dt) + decays * half - 0.5 * (y0 + y1)};
+}
+
+void EventPixels::Fire(const Step& step, int column, std::size_t i, const Arc& arc) {
   Pixel& pixel = pixels_[i];
-  const double slope = (y1 - y0) / (t1 - t0);
-  double t = t0;
+  const double dt = arc.t1 - arc.t0, b = arc.y1 - arc.y0 + 4 * arc.bend, c = -4 * arc.bend;
+  // Over the arc.
+  const double leak = (leak_[i] + sensor_.pixel.parasitic_hz_per_lux * light_[i] * on_[i]) * dt;
+  const auto level_at = [&](double s) { return arc.y0 + (b + c * s) * s; };
+  double s = 0;  // how much of the arc is done
   float& reference = reference_[i];
   while (true) {
     if (std::isnan(reference)) {  // refractory: the memorised level follows until the pixel is released
-      const double ready = 1e-9 * static_cast<double>(pixel.ready_ns - step.t0_ns);
-      if (ready >= t1) return;
-      t = std::max(t, ready);
-      reference = y0 + static_cast<float>(slope * (t - t0));
+      const double ready = (1e-9 * static_cast<double>(pixel.ready_ns - step.t0_ns) - arc.t0) / dt;
+      if (ready >= 1) return;
+      s = std::max(s, ready);
+      reference = static_cast<float>(level_at(s));
       if (sensor_.pixel.noise_power_factor > 0) {
         reference += static_cast<float>(NoiseSigma(sensor_.pixel, light_[i])) * Gaussian(&pixel.random);
       }
     }
-    while (noise_s_[i] < step.block_s + t)
-      noise_s_[i] = DrawNoiseTime(i, std::max<double>(noise_s_[i], step.block_s + t));
-    const double noise = noise_s_[i] - step.block_s;
-    const double rate = slope + leak_[i], d = y0 + slope * (t - t0) - reference;
-    double crossing = kNever;
-    if (d >= on_[i] || d <= -off_[i]) {
-      crossing = t;
-    } else if (rate > 0) {
-      crossing = t + (on_[i] - d) / rate;
-    } else if (rate < 0) {
-      crossing = t + (-off_[i] - d) / rate;
+    const double in_block = step.block_s + arc.t0;
+    while (noise_s_[i] < in_block + s * dt)
+      noise_s_[i] = DrawNoiseTime(i, std::max<double>(noise_s_[i], in_block + s * dt));
+    const double noise = (noise_s_[i] - in_block) / dt, d = level_at(s) - reference;
+    double rise = s, fall = kNever;
+    if (d <= -off_[i]) {
+      std::swap(rise, fall);
+    } else if (d < on_[i]) {
+      const double a = arc.y0 - reference - leak * s;
+      rise = FirstRoot(a, b + leak, c, on_[i], s);
+      fall = FirstRoot(a, b + leak, c, -off_[i], s);
     }
-    if (std::min(noise, crossing) > t1) {
-      reference -= static_cast<float>(leak_[i] * (t1 - t));
+    const double crossing = std::min(rise, fall);
+    if (std::min(noise, crossing) > 1) {
+      reference -= static_cast<float>(leak * (1 - s));
       return;
     }
-    bool on = d >= on_[i] || (d > -off_[i] && rate > 0);
+    bool on = rise < fall;
     if (noise < crossing) {
       const double rate_on = NoiseRate(sensor_.pixel, light_[i], on_[i]) + pixel.hot_hz;
       const double rate_off = NoiseRate(sensor_.pixel, light_[i], off_[i]);
       on = Uniform(&pixel.random) * (rate_on + rate_off) < rate_on;
       noise_s_[i] = DrawNoiseTime(i, noise_s_[i]);
     }
-    t = std::min(noise, crossing);
-    Emit(step, column, i, t, on);
+    s = std::min(noise, crossing);
+    Emit(step, column, i, arc.t0 + s * dt, on);
   }
 }
 

@@ -59,6 +59,7 @@ EventPixelModel IdealPixel(double threshold) {
   EventPixelModel m;
   m.threshold_on = m.threshold_off = threshold;
   m.threshold_mismatch = m.refractory_s = m.noise_power_factor = m.leak_hz = m.hot_share = m.dark_current_lux = 0;
+  m.parasitic_hz_per_lux = 0;
   m.limit_bandwidth = false;
   m.readout_hz = 1e12;
   return m;

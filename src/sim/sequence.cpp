@@ -20,8 +20,8 @@ namespace {
 constexpr std::int64_t kTick_ns = 1000;
 constexpr double kLongestStep_s = 0.005;
 constexpr double kShortestStep_s = 20e-6;
-constexpr double kPose_hz = 200;
-constexpr int kSubSteps = 16;  // finest grid of EventPixels' probes: four halvings
+constexpr double kRamp_s = 0.4;  // to reach full speed, and to stop
+constexpr int kSubSteps = 16;    // finest grid of EventPixels' probes: four halvings
 
 void Expect(bool condition, const std::string& what) {
   if (!condition) throw std::invalid_argument(what);
@@ -32,10 +32,16 @@ void Validate(const SequenceOptions& o) {
   Expect(o.duration_s > 0, "duration = " + text(o.duration_s) + "; expected > 0 s");
   Expect(o.depth_rate_hz > 0 && o.depth_rate_hz <= 60, "depth rate = " + text(o.depth_rate_hz) + "; expected 0..60 Hz");
   Expect(o.frame_rate_hz > 0 && o.frame_rate_hz <= 40, "frame rate = " + text(o.frame_rate_hz) + "; expected 0..40 Hz");
+  Expect(o.pose_rate_hz > 0 && o.pose_rate_hz <= 1000, "pose rate = " + text(o.pose_rate_hz) + "; expected 0..1000 Hz");
   Expect(o.max_flow_px > 0 && o.max_flow_px <= 1, "max_flow_px = " + text(o.max_flow_px) + "; expected 0..1 px");
   Expect(o.accuracy.contrast > 0 && o.accuracy.straightness > 0, "accuracy; expected contrast and straightness > 0");
   Expect(o.chunk_s >= 1e-4 && o.chunk_s <= 1, "chunk = " + text(o.chunk_s) + "; expected 0.0001..1 s");
   Expect(o.rest_s >= 0, "rest = " + text(o.rest_s) + "; expected >= 0 s");
+  Expect(!o.closed || o.trajectory_file.empty(), "closed motion is random; expected no trajectory file with it");
+  Expect(!o.closed || o.stops.empty(), "closed motion stops at its end only; expected no other stops");
+  Expect(!o.closed || o.duration_s >= o.rest_s + 3 * kRamp_s,
+         "duration = " + text(o.duration_s) + " of a closed motion; expected at least " + text(o.rest_s + 3 * kRamp_s) +
+             " s, to start and stop in");
   Expect(o.start_s > 0, "start = " + text(o.start_s) + "; expected > 0 s");
 }
 
@@ -47,11 +53,21 @@ Scene BuildScene(const SequenceOptions& o) {
 }
 
 Trajectory BuildTrajectory(const SequenceOptions& o, const Scene& scene) {
+  if (o.closed) {
+    const bool rests = o.rest_s > 0;  // without, it passes its begin at full speed
+    // Each of the two ramps covers half of what full speed would.
+    const double at_speed_s = rests ? o.duration_s - o.rest_s - kRamp_s : o.duration_s;
+    Trajectory loop = ClosedTrajectory(scene.motion, LimitsOf(o.speed), at_speed_s, o.seed);
+    if (rests) loop.SetPauses(o.rest_s, {{o.duration_s, 0}}, kRamp_s);
+    return loop.MovedTo(o.T_motion_event);
+  }
   Trajectory t = o.trajectory_file.empty() ? RandomTrajectory(scene.motion, LimitsOf(o.speed), o.duration_s, o.seed)
                                            : TrajectoryFromTum(o.trajectory_file);
-  t.SetPauses(o.rest_s, o.stops);
-  return t;
+  t.SetPauses(o.rest_s, o.stops, kRamp_s);
+  return t.MovedTo(o.T_motion_event);
 }
+
+std::uint64_t NoiseSeed(const SequenceOptions& o) { return o.noise_seed != 0 ? o.noise_seed : o.seed; }
 
 EventSensor BuildSensor(const SequenceOptions& o) {
   EventSensor sensor = MakeEventSensor(o.sensor);
@@ -80,9 +96,12 @@ struct Sequence::Impl {
   explicit Impl(const SequenceOptions& options_in)
       : options((Validate(options_in), options_in)), scene(BuildScene(options)),
         trajectory(BuildTrajectory(options, scene)), sensor(BuildSensor(options)), pool(options.threads),
-        rays(sensor.camera), pixels(sensor, rays.stride(), options.seed), readout(sensor.pixel),
-        depth_sensor(scene, BuildDepth(options, sensor), options.seed), lidar(scene, LidarModel(), options.seed),
-        imu({}, options.seed), frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, options.seed) {
+        rays(sensor.camera), pixels(sensor, rays.stride(), NoiseSeed(options)), readout(sensor.pixel),
+        depth_sensor(scene, BuildDepth(options, sensor), NoiseSeed(options)),
+        lidar(scene, LidarModel(), NoiseSeed(options)), imu({}, NoiseSeed(options)),
+        frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, NoiseSeed(options)),
+        regular_camera(scene, VectorRegularCamera(), MakeLight(options.light), NoiseSeed(options)),
+        event_frames(options.frames && !options.regular_camera) {
     begin_ns = NsFromSeconds(options.start_s) / kTick_ns * kTick_ns;
     end_ns = begin_ns + NsFromSeconds(options.duration_s) / kTick_ns * kTick_ns;
     now_ns = begin_ns;
@@ -92,7 +111,7 @@ struct Sequence::Impl {
     rig.depth_camera = depth_sensor.model().camera;
     rig.T_event_depth = depth_sensor.model().T_event_depth;
     rig.depth_registered = options.depth == SequenceOptions::Depth::kRegistered;
-    if (options.frames) frame_sensor.Start(begin_ns + 5000000, options.frame_rate_hz);
+    if (event_frames) frame_sensor.Start(begin_ns + 5000000, options.frame_rate_hz);
     RenderFirst();
   }
 
@@ -108,11 +127,13 @@ struct Sequence::Impl {
   Lidar lidar;
   ImuSensor imu;
   FrameSensor frame_sensor;
+  RegularCamera regular_camera;
+  bool event_frames;
   Rig rig;
   SequenceStatistics statistics;
 
   std::int64_t begin_ns = 0, end_ns = 0, now_ns = 0;
-  std::uint64_t depth_count = 0, scan_count = 0, imu_count = 0, pose_count = 0;
+  std::uint64_t depth_count = 0, scan_count = 0, imu_count = 0, pose_count = 0, frame_count = 0;
   std::vector<float> luminance, nearest;
   std::vector<Event> left_chip;  // events that left the readout, in order
 
@@ -226,7 +247,7 @@ void Sequence::Impl::Advance(std::int64_t chunk_end_ns) {
     const std::int64_t left_ns = chunk_end_ns - now_ns;
     if (next_ns < chunk_end_ns && left_ns < 2 * (next_ns - now_ns))
       next_ns = now_ns + (left_ns / 2 + kTick_ns - 1) / kTick_ns * kTick_ns;
-    if (options.frames) next_ns = frame_sensor.BoundStep(now_ns, next_ns);
+    if (event_frames) next_ns = frame_sensor.BoundStep(now_ns, next_ns);
     statistics.path_m += twist.head<3>().norm() * SecondsFromNs(next_ns - now_ns);
     statistics.max_speed_m_s = std::max(statistics.max_speed_m_s, twist.head<3>().norm());
     statistics.max_rate_rad_s = std::max(statistics.max_rate_rad_s, twist.tail<3>().norm());
@@ -248,6 +269,12 @@ void Sequence::Impl::Measure(Chunk* chunk) {
       chunk->depth.push_back({StampOf(stamp_s), depth_sensor.Capture(trajectory, capture_s, depth_count, &pool)});
     ++depth_count;
   }
+  while (options.frames && options.regular_camera) {
+    const double t = 0.005 + static_cast<double>(frame_count) / regular_camera.model().rate_hz;
+    if (t + regular_camera.exposure_s() > until_s) break;
+    chunk->frames.push_back(regular_camera.Capture(trajectory, t, StampOf(t), &pool));
+    ++frame_count;
+  }
   while (options.lidar) {
     const double t = 0.01 + static_cast<double>(scan_count) / lidar.model().rate_hz;
     if (t > until_s) break;
@@ -264,7 +291,7 @@ void Sequence::Impl::Measure(Chunk* chunk) {
     ++imu_count;
   }
   for (;; ++pose_count) {
-    const double t = static_cast<double>(pose_count + 1) / kPose_hz;
+    const double t = static_cast<double>(pose_count + 1) / options.pose_rate_hz;
     if (t > until_s) break;
     chunk->poses.push_back({StampOf(t), trajectory.PoseAt(t)});
   }
@@ -285,7 +312,7 @@ bool Sequence::Next(Chunk* chunk) {
   chunk->imu.clear();
   chunk->poses.clear();
   s.Advance(chunk->end_ns);
-  if (s.options.frames) s.frame_sensor.TakeFinished(chunk->end_ns, &chunk->frames);
+  if (s.event_frames) s.frame_sensor.TakeFinished(chunk->end_ns, &chunk->frames);
   s.Measure(chunk);
   const auto split =
       std::find_if(s.left_chip.begin(), s.left_chip.end(), [&](const Event& e) { return e.t_ns > chunk->end_ns; });
@@ -301,6 +328,7 @@ const Rig& Sequence::rig() const { return impl_->rig; }
 const EventSensor& Sequence::sensor() const { return impl_->sensor; }
 const DepthModel& Sequence::depth_model() const { return impl_->depth_sensor.model(); }
 const LidarModel& Sequence::lidar_model() const { return impl_->lidar.model(); }
+const RegularCameraModel& Sequence::regular_camera_model() const { return impl_->regular_camera.model(); }
 const Trajectory& Sequence::trajectory() const { return impl_->trajectory; }
 const SequenceStatistics& Sequence::statistics() const { return impl_->statistics; }
 std::int64_t Sequence::begin_ns() const { return impl_->begin_ns; }

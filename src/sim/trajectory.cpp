@@ -47,10 +47,58 @@ struct Waypoint {
 
 Eigen::Vector3d RandomAngles(Rng& rng) { return RandomBetween(rng, {-1, -1, -0.7}, {1, 1, 0.7}); }
 
+Waypoint FirstWaypoint(Rng& rng, const MotionVolume& v) {
+  return {RandomBetween(rng, v.position_min, v.position_max), RandomBetween(rng, v.target_min, v.target_max),
+          RandomAngles(rng)};
+}
+
+Waypoint NextWaypoint(Rng& rng, const MotionVolume& v, const Waypoint& last) {
+  const double step = 0.5 * (v.position_max - v.position_min).mean();
+  return {Wander(rng, last.position, v.position_min, v.position_max, step),
+          Wander(rng, last.target, v.target_min, v.target_max, step), RandomAngles(rng)};
+}
+
 std::vector<Rigid3> ControlPoses(const std::vector<Waypoint>& waypoints, double turn_rad) {
   std::vector<Rigid3> poses;
   for (const auto& w : waypoints) poses.push_back(LookAt(w.position, w.target, turn_rad * w.angles));
   return poses;
+}
+
+struct ScaledMotion {
+  std::vector<Rigid3> control;
+  double knot_s;
+};
+MotionLimits FastestOf(const Trajectory& unit);
+
+/// Turns as much as it takes for both limits to be reached, but keeps the scene in view.
+ScaledMotion ScaleToLimits(const std::vector<Waypoint>& waypoints, const MotionLimits& limits) {
+  ScaledMotion motion{{}, 0};
+  double turn = 0.2;
+  for (int iteration = 0; iteration < 4; ++iteration) {
+    motion.control = ControlPoses(waypoints, turn);
+    const MotionLimits reached = FastestOf(Trajectory(motion.control, 1.0));
+    const double by_speed = reached.speed_m_s / limits.speed_m_s, by_rate = reached.rate_rad_s / limits.rate_rad_s;
+    motion.knot_s = 1.02 * std::max(by_speed, by_rate);
+    turn = std::clamp(turn * by_speed / by_rate, 0.05, 0.4);
+  }
+  return motion;
+}
+
+/// Control points of a loop: what is between the last and the first waypoint is spread over all, everything is drawn
+/// towards the first by `size`, and the first three follow again, so that a uniform cubic spline ends as it begins.
+std::vector<Waypoint> Loop(std::vector<Waypoint> waypoints, double size) {
+  const Waypoint first = waypoints.front(), last = waypoints.back();
+  waypoints.pop_back();
+  const double count = static_cast<double>(waypoints.size());
+  for (std::size_t i = 0; i < waypoints.size(); ++i) {
+    Waypoint& w = waypoints[i];
+    const double share = static_cast<double>(i) / count;
+    w.position = first.position + size * (w.position + share * (first.position - last.position) - first.position);
+    w.target = first.target + size * (w.target + share * (first.target - last.target) - first.target);
+    w.angles *= size;
+  }
+  for (int i = 0; i < 3; ++i) waypoints.push_back(waypoints[i]);
+  return waypoints;
 }
 
 /// Greatest speed and rate of a trajectory with knots 1 s apart.
@@ -103,6 +151,13 @@ void Trajectory::SetPauses(double rest_s, const std::vector<Stop>& stops, double
     ramps_.push_back({brake, ramp_s, 1, 0});
     ramps_.push_back({stop.begin_s + stop.duration_s, ramp_s, 0, 1});
   }
+}
+
+Trajectory Trajectory::MovedTo(const Rigid3& T_camera_other) const {
+  // Exact: (C T) Exp(b Log((C T)^-1 C' T)) = C Exp(b Log(C^-1 C')) T.
+  Trajectory moved = *this;
+  for (Rigid3& T : moved.control_) T = T * T_camera_other;
+  return moved;
 }
 
 double Trajectory::SplineTime(double t) const {
@@ -192,28 +247,36 @@ MotionLimits LimitsOf(const std::string& speed) {
 Trajectory RandomTrajectory(const MotionVolume& volume, const MotionLimits& limits, double duration_s,
                             std::uint64_t seed) {
   Rng rng(seed, 0x7a1ec7);
-  const double step = 0.5 * (volume.position_max - volume.position_min).mean();
-  std::vector<Waypoint> waypoints = {{RandomBetween(rng, volume.position_min, volume.position_max),
-                                      RandomBetween(rng, volume.target_min, volume.target_max), RandomAngles(rng)}};
+  std::vector<Waypoint> waypoints = {FirstWaypoint(rng, volume)};
   // Longer splines may be faster somewhere and need wider knots, hence fewer of them: grow until long enough.
   while (true) {
-    for (int i = 0; i < 24; ++i) {
-      const Waypoint& last = waypoints.back();
-      waypoints.push_back({Wander(rng, last.position, volume.position_min, volume.position_max, step),
-                           Wander(rng, last.target, volume.target_min, volume.target_max, step), RandomAngles(rng)});
-    }
-    // Turn as much as it takes for both limits to be reached, but keep the scene in view.
-    double turn = 0.2, knot = 0;
-    std::vector<Rigid3> control;
-    for (int iteration = 0; iteration < 4; ++iteration) {
-      control = ControlPoses(waypoints, turn);
-      const MotionLimits reached = FastestOf(Trajectory(control, 1.0));
-      const double by_speed = reached.speed_m_s / limits.speed_m_s, by_rate = reached.rate_rad_s / limits.rate_rad_s;
-      knot = 1.02 * std::max(by_speed, by_rate);
-      turn = std::clamp(turn * by_speed / by_rate, 0.05, 0.4);
-    }
-    if (knot * static_cast<double>(control.size() - 3) > duration_s + 0.1) return Trajectory(control, knot);
+    for (int i = 0; i < 24; ++i) waypoints.push_back(NextWaypoint(rng, volume, waypoints.back()));
+    const ScaledMotion motion = ScaleToLimits(waypoints, limits);
+    if (motion.knot_s * static_cast<double>(motion.control.size() - 3) > duration_s + 0.1)
+      return Trajectory(motion.control, motion.knot_s);
   }
+}
+
+Trajectory ClosedTrajectory(const MotionVolume& volume, const MotionLimits& limits, double duration_s,
+                            std::uint64_t seed) {
+  constexpr std::size_t kFewest = 5;  // four different ones make a loop
+  const auto needs_s = [](const ScaledMotion& m) { return m.knot_s * static_cast<double>(m.control.size() - 3); };
+  Rng rng(seed, 0x7a1ec7);
+  std::vector<Waypoint> waypoints = {FirstWaypoint(rng, volume)};
+  while (waypoints.size() < kFewest) waypoints.push_back(NextWaypoint(rng, volume, waypoints.back()));
+  ScaledMotion motion = ScaleToLimits(Loop(waypoints, 1), limits);
+  double size = 1;
+  for (int i = 0; i < 20 && needs_s(motion) > duration_s; ++i) {
+    size *= std::min(0.95, duration_s / needs_s(motion));
+    motion = ScaleToLimits(Loop(waypoints, size), limits);
+  }
+  while (size == 1) {  // as many waypoints as the limits leave time for
+    waypoints.push_back(NextWaypoint(rng, volume, waypoints.back()));
+    const ScaledMotion longer = ScaleToLimits(Loop(waypoints, 1), limits);
+    if (needs_s(longer) > duration_s) break;
+    motion = longer;
+  }
+  return Trajectory(motion.control, duration_s / static_cast<double>(motion.control.size() - 3));
 }
 
 Trajectory TrajectoryFromTum(const std::string& path, double* first_time_s) {

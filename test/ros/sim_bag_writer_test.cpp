@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/ros/sim_bag_writer.h"
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <cstring>
+#include <fstream>
+#include <iterator>
 #include <map>
 
 #include <gtest/gtest.h>
@@ -25,9 +30,19 @@ sim::SequenceOptions Short(const std::string& sensor) {
   return o;
 }
 
-/// Writes the sequence; `stem` below the test's temporary directory.
+/// A folder of this process: several runs of the tests may share the machine.
+const std::string& Folder() {
+  static const std::string folder = [] {
+    const std::string path = testing::TempDir() + "sim_bag_writer_test_" + std::to_string(getpid());
+    mkdir(path.c_str(), 0777);
+    return path;
+  }();
+  return folder;
+}
+
+/// Writes the sequence; `stem` below the test's folder.
 std::string Write(BagDialect dialect, const std::string& name, sim::Sequence* sequence, std::size_t* events = nullptr) {
-  const std::string stem = testing::TempDir() + "/" + name;
+  const std::string stem = Folder() + "/" + name;
   const auto writer = SimBagWriter::Create(dialect, stem, *sequence);
   sim::Chunk chunk;
   while (sequence->Next(&chunk)) {
@@ -96,15 +111,53 @@ TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
   rosbag::View view(bag, rosbag::TopicQuery("/davis/left/depth_image_raw"));
   ASSERT_GT(view.size(), 0U);
   EXPECT_EQ(view.begin()->instantiate<sensor_msgs::Image>()->encoding, "32FC1");
-  const auto read = ReadMvsecCalibration(testing::TempDir() + "/flying_calib/camchain-imucam-flying.yaml");
+  const auto read = ReadMvsecCalibration(Folder() + "/flying_calib/camchain-imucam-flying.yaml");
   EXPECT_EQ(read.event_camera.distortion(), DistortionModel::kEquidistant);
   EXPECT_NEAR(read.event_camera.fx(), sequence.rig().event_camera.fx(), 1e-9);
   ASSERT_TRUE(read.T_event_lidar);
   EXPECT_LT(Log(read.T_event_lidar->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
 }
 
+TEST(SimBagWriter, WritesMvsecsRightCameraOnRequestWithItsPlaceInTheCamchain) {
+  sim::SequenceOptions options = Short("davis240");
+  options.depth = sim::SequenceOptions::Depth::kRegistered;
+  options.duration_s = 0.06;
+  sim::Sequence left(options), right(RightCameraOf(options));
+  const std::string stem = Folder() + "/stereo1";
+  const auto writer = SimBagWriter::Create(BagDialect::kMvsec, stem, left, &right);
+  sim::Chunk chunk;
+  std::size_t events = 0;
+  while (left.Next(&chunk)) {
+    writer->Write(chunk);
+    ASSERT_TRUE(right.Next(&chunk));
+    writer->WriteRight(chunk);
+    events += chunk.events.size();
+  }
+  writer->Close();
+  const auto data = TypesIn(stem + "_data.bag"), gt = TypesIn(stem + "_gt.bag");
+  for (const std::string side : {"/davis/left", "/davis/right"}) {
+    EXPECT_EQ(data.at(side + "/events"), "dvs_msgs/EventArray");
+    for (const char* topic : {"/image_raw", "/imu", "/camera_info"}) EXPECT_EQ(data.count(side + topic), 1U) << topic;
+    for (const char* topic : {"/depth_image_raw", "/depth_image_rect", "/camera_info"})
+      EXPECT_EQ(gt.count(side + topic), 1U) << topic;
+  }
+  EXPECT_GT(events, 200U);
+  EXPECT_EQ(EventsIn(stem + "_data.bag", "/davis/right/events"), events);
+  // The same motion, 10 cm to the right, in front of the same wall: the camchain says so, and so do the poses.
+  const Rigid3 T_left_right = left.trajectory().PoseAt(0.05).inverse() * right.trajectory().PoseAt(0.05);
+  EXPECT_LT(Log(T_left_right.inverse() * Rigid3::Translation({0.1, 0, 0})).norm(), 1e-9);
+  std::ifstream file(Folder() + "/stereo_calib/camchain-imucam-stereo.yaml");
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  EXPECT_NE(text.find("cam1:\n  T_cn_cnm1:\n  - [1, 0, 0, -0.1]"), std::string::npos) << text;
+  EXPECT_NO_THROW(ReadMvsecCalibration(Folder() + "/stereo_calib/camchain-imucam-stereo.yaml"));
+  EXPECT_TRUE(std::ifstream(Folder() + "/stereo_calib/stereo_right_x_map.txt").good());
+}
+
 TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
-  sim::Sequence sequence(Short("gen3_vector"));
+  sim::SequenceOptions options = Short("gen3_vector");
+  options.regular_camera = true;
+  options.pose_rate_hz = 120;
+  sim::Sequence sequence(options);
   std::size_t events = 0;
   const std::string stem = Write(BagDialect::kVector, "desk", &sequence, &events);
   const auto types = TypesIn(stem + ".synced.left_event.bag");
@@ -124,8 +177,62 @@ TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
   const Rigid3 T_world_body(Eigen::Quaterniond(pose->pose.orientation.w, pose->pose.orientation.x,
                                                pose->pose.orientation.y, pose->pose.orientation.z),
                             {pose->pose.position.x, pose->pose.position.y, pose->pose.position.z});
-  const Rigid3 T_world_event = sequence.trajectory().PoseAt(0.005);
+  const Rigid3 T_world_event = sequence.trajectory().PoseAt(1.0 / 120);
+  EXPECT_EQ(view.size(), 14U) << "120 Hz for 0.12 s";
   EXPECT_LT(Log((T_world_body * *read.T_body_event).inverse() * T_world_event).norm(), 1e-6);
+}
+
+TEST(SimBagWriter, WritesFramesOfVectorsRegularCameraFromWhereItsCalibrationSaysThatItIs) {
+  sim::SequenceOptions options = Short("davis240");
+  options.regular_camera = true;
+  options.duration_s = 0.05;
+  options.depth = sim::SequenceOptions::Depth::kKinectExact;
+  options.lidar = false;
+  options.ideal_pixels = true;
+  sim::Sequence sequence(options);
+  const std::string stem = Write(BagDialect::kVector, "regular", &sequence);
+  rosbag::Bag bag(stem + ".synced.left_camera.bag");
+  rosbag::View view(bag, rosbag::TopicQuery("/camera/left/image_mono"));
+  ASSERT_EQ(view.size(), 2U);
+  const auto image = view.begin()->instantiate<sensor_msgs::Image>();
+  EXPECT_EQ(image->width, 1224U);
+  EXPECT_EQ(image->height, 1024U);
+  EXPECT_EQ(image->encoding, "mono8");
+  std::ifstream file(stem + "_calib/small_scale_joint_camera_extrinsic_results.yaml");
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  // 4 cm above the event camera, as published.
+  EXPECT_NE(text.find("-0.0408197"), std::string::npos) << text;
+  double sum = 0;
+  for (const std::uint8_t v : image->data) sum += v;
+  EXPECT_GT(sum / static_cast<double>(image->data.size()), 30) << "an exposed image is not black";
+}
+
+TEST(SimBagWriter, WritesTheSameBytesForTheSameSeedInEveryDialect) {
+  const auto bytes = [](const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  for (const BagDialect dialect : {BagDialect::kPlain, BagDialect::kMvsec, BagDialect::kVector}) {
+    sim::SequenceOptions options = Short("davis240");
+    options.duration_s = 0.05;
+    options.regular_camera = dialect == BagDialect::kVector;
+    if (dialect == BagDialect::kMvsec) options.depth = sim::SequenceOptions::Depth::kRegistered;
+    std::vector<std::vector<std::string>> files(2);
+    for (int run = 0; run < 2; ++run) {
+      options.threads = 1 + run;
+      sim::Sequence sequence(options);
+      const std::string stem = Folder() + "/same" + std::to_string(run) + "_seed";
+      const auto writer = SimBagWriter::Create(dialect, stem, sequence);
+      for (sim::Chunk chunk; sequence.Next(&chunk);) writer->Write(chunk);
+      writer->Close();
+      files[run] = writer->files();
+    }
+    ASSERT_EQ(files[0].size(), files[1].size());
+    for (std::size_t i = 0; i < files[0].size(); ++i) {
+      EXPECT_FALSE(bytes(files[0][i]).empty()) << files[0][i];
+      EXPECT_EQ(bytes(files[0][i]) == bytes(files[1][i]), true) << files[0][i];
+    }
+  }
 }
 
 TEST(SimBagWriter, NamesTheFileThatItCannotWriteAndTheDialectThatItDoesNotKnow) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/sim/sequence.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstring>
 #include <fstream>
@@ -144,7 +146,7 @@ TEST(Sequence, GivesFewerEventsAndMoreNoiseWithLessLight) {
 
 TEST(Sequence, FollowsTheTrajectoryOfATumFile) {
   const Trajectory motion = RandomTrajectory(MakeScene("table").motion, LimitsOf("slow"), 1, 9);
-  const std::string path = testing::TempDir() + "/motion.tum";
+  const std::string path = testing::TempDir() + "motion_" + std::to_string(getpid()) + ".tum";
   std::ofstream file(path);
   file.precision(12);
   for (int i = 0; i <= 50; ++i) {
@@ -203,7 +205,7 @@ TEST(LoadScene, ReadsTheExample) {
 
 TEST(LoadScene, NamesTheKeyThatItDoesNotKnowAndTheMaterialThatIsMissing) {
   const auto message = [](const std::string& yaml) -> std::string {
-    const std::string path = testing::TempDir() + "/scene.yaml";
+    const std::string path = testing::TempDir() + "scene_" + std::to_string(getpid()) + ".yaml";
     std::ofstream(path) << yaml;
     try {
       LoadScene(path);

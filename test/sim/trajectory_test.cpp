@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/sim/trajectory.h"
 
+#include <unistd.h>
+
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -27,6 +29,27 @@ TEST(RandomTrajectory, ReachesButDoesNotExceedTheLimitsOfItsSpeed) {
         EXPECT_LE(w, limits.rate_rad_s * 1.001);
         EXPECT_GT(std::max(v / limits.speed_m_s, w / limits.rate_rad_s), 0.95);
       }
+    }
+  }
+}
+
+TEST(ClosedTrajectory, ComesBackToItsFirstPoseWithItsFirstVelocityWithinTheLimits) {
+  const Scene s = MakeScene("table");
+  for (const double duration : {2.0, 10.0, 25.0}) {
+    for (const std::string speed : {"slow", "fast"}) {
+      const MotionLimits limits = LimitsOf(speed);
+      const Trajectory t = ClosedTrajectory(s.motion, limits, duration, 3);
+      EXPECT_NEAR(t.duration_s(), duration, 1e-9);
+      EXPECT_LT(Log(t.PoseAt(0).inverse() * t.PoseAt(duration)).norm(), 1e-9);
+      EXPECT_LT((t.VelocityAt(0.001) - t.VelocityAt(duration - 0.001)).norm(), 0.05);
+      double v = 0, w = 0;
+      for (double time = 0.01; time < duration - 0.01; time += 0.01) {
+        v = std::max(v, t.VelocityAt(time).head<3>().norm());
+        w = std::max(w, t.VelocityAt(time).tail<3>().norm());
+      }
+      EXPECT_LE(v, limits.speed_m_s * 1.001);
+      EXPECT_LE(w, limits.rate_rad_s * 1.001);
+      EXPECT_GT(std::max(v / limits.speed_m_s, w / limits.rate_rad_s), 0.5) << duration << " s " << speed;
     }
   }
 }
@@ -73,7 +96,7 @@ TEST(Trajectory, VelocityIsTheDerivativeOfThePose) {
 }
 
 TEST(TrajectoryFromTum, NamesFileAndLineOfWhatItCannotRead) {
-  const std::string path = testing::TempDir() + "/bad.tum";
+  const std::string path = testing::TempDir() + "bad_" + std::to_string(getpid()) + ".tum";
   std::ofstream(path) << "# comment\n1 0 0 0 0 0 0 1\n2 0 0 zero 0 0 0 1\n";
   try {
     TrajectoryFromTum(path);

@@ -30,6 +30,9 @@ enum class BagDialect {
   kMvsec,   ///< NAME_data.bag, NAME_gt.bag, NAME_calib/ as MVSEC's files
   kVector,  ///< NAME.synced.<sensor>.bag (bz2, one topic each) and NAME_calib/ as VECtor's files
 };
+/// The sequence of MVSEC's right camera: a DAVIS346 of the same kind 10 cm to the right, with noise of its own.
+sim::SequenceOptions RightCameraOf(const sim::SequenceOptions& left);
+
 /// plain, mvsec or vector; else std::invalid_argument naming it.
 BagDialect BagDialectOf(const std::string& name);
 
@@ -38,14 +41,17 @@ class SimBagWriter {
  public:
   virtual ~SimBagWriter() = default;
   virtual void Write(const sim::Chunk& chunk) = 0;
+  /// The same time as the right camera of a stereo pair sees it; only after Create with `right`.
+  virtual void WriteRight(const sim::Chunk& chunk);
   /// Completes the files. Without it bags have no index.
   virtual void Close() = 0;
   /// Files written, for telling the user.
   const std::vector<std::string>& files() const { return files_; }
 
-  /// `stem`: path without extension; its directory must exist, else std::runtime_error naming it.
+  /// `stem`: path without extension; its directory must exist, else std::runtime_error naming it. `right`: a second
+  /// sequence of the same motion, for MVSEC's right camera; other dialects throw std::invalid_argument.
   static std::unique_ptr<SimBagWriter> Create(BagDialect dialect, const std::string& stem,
-                                              const sim::Sequence& sequence);
+                                              const sim::Sequence& sequence, const sim::Sequence* right = nullptr);
 
  protected:
   std::vector<std::string> files_;

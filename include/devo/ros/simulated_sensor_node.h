@@ -4,21 +4,27 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 
-#include <geometry_msgs/TransformStamped.h>
 #include <ros/node_handle.h>
 
 #include "devo/ros/health.h"
+#include "devo/ros/prepared_messages.h"
 #include "devo/sim/sequence.h"
 
 namespace devo {
 
-/// Publishes the topics of the plain dialect (devo/sim/rig_file.h) on a thread of its own. When rendering is slower
-/// than real time the sensor's clock runs slower, too (and says so): no data are left out. With `clock` it publishes
-/// /clock, so that everything else follows.
+/// Publishes the topics of the plain dialect (devo/sim/rig_file.h) on a thread of its own, and, with `clock`, /clock,
+/// so that everything else follows.
+///
+/// `prepare`: renders the whole sequence into memory first, then streams it at the speed of the wall clock; with `loop`
+/// the motion is closed and repeats without end, stamps going on. What is more than a second late is dropped, counted
+/// and reported, as a sensor's full buffer would. Otherwise it streams while it renders: when rendering is slower than
+/// real time the sensor's clock runs slower, too, and nothing is left out.
 class SimulatedSensorNode {
  public:
   /// Throws std::invalid_argument naming the parameter that is wrong.
@@ -26,21 +32,35 @@ class SimulatedSensorNode {
   ~SimulatedSensorNode();
 
  private:
+  using WallClock = std::chrono::steady_clock;
+  enum class State { kBuilding, kPreparing, kWaiting, kStreaming, kEnded };
+
   void Run();
-  void Publish(const sim::Chunk& chunk);
-  void PublishStatic();
+  bool Prepare(sim::Sequence* sequence);
+  void WaitForSubscribers();
+  void StreamPrepared();
+  void StreamWhileRendering(sim::Sequence* sequence);
+  void Publish(const SensorMessages& messages);
+  void PublishStatic(std::int64_t t_ns);
   void PublishCameraInfo(std::int64_t t_ns);
+  void ReportPass(int pass, WallClock::time_point started);
   void FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   ros::NodeHandle nh_, private_nh_;
   sim::SequenceOptions options_;
-  std::unique_ptr<sim::Sequence> sequence_;  // made by the thread; others look only when ready_
-  std::atomic<bool> ready_{false};
-  bool clock_, wait_for_subscribers_;
-  std::atomic<bool> stop_{false};
-  std::atomic<std::uint64_t> events_{0};
-  std::atomic<double> behind_s_{0};
+  bool prepare_, loop_, clock_, wait_for_subscribers_;
+  std::size_t memory_limit_bytes_;
+  Rig rig_;
+  std::unique_ptr<PreparedMessages> prepared_;
   std::int64_t next_camera_info_ns_ = 0;
+
+  // Written by the thread, read by diagnostics.
+  std::atomic<State> state_{State::kBuilding};
+  std::atomic<int> prepared_percent_{0};
+  std::atomic<std::uint64_t> events_{0}, dropped_events_{0}, lost_in_readout_{0};
+  std::atomic<double> behind_s_{0};       ///< streaming while rendering: wall time in which the sensor's clock stood
+  std::atomic<double> latest_late_s_{0};  ///< prepared: how late the latest chunk of this pass was
+  std::atomic<bool> stop_{false};
 
   Health health_;
   ros::Publisher event_publisher_, event_info_publisher_, depth_publisher_, depth_info_publisher_, imu_publisher_,

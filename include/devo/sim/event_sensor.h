@@ -28,11 +28,11 @@ class EventPixels {
   using Probe = std::function<float(double share, int column)>;
 
   /// How finely a pixel's light is sampled around its events, in thresholds. A step is halved, at most four times over,
-  /// while the log light changes by more than `contrast` in it, or while the straight line that stands for it may be
-  /// off by more than `straightness` (estimated from how its slope has changed).
+  /// while the log light changes by more than `contrast` in it, or while the middle of the parabola that stands for it
+  /// is farther than `straightness` from its chord.
   struct Accuracy {
     double contrast = 1;
-    double straightness = 0.01;
+    double straightness = 0.03;
   };
 
   /// Light goes from the last to `luminance` at t1; between, `probe` is asked where `accuracy` wants it. Appends the
@@ -54,6 +54,8 @@ class EventPixels {
     int row;
     std::int64_t t0_ns;
     double dt_s, block_s;  ///< length; begin after the noise block's begin
+    double
+        bend_per_slope;  ///< estimates the bend of a pixel's light from how its slope has changed since the last step
     Accuracy accuracy;
     const Probe* probe;
     std::vector<Event>* events;
@@ -62,12 +64,19 @@ class EventPixels {
     double share;  ///< of the step
     float log_light;
   };
+  /// A parabola over [t0, t1], seconds in the step, whose middle lies `bend` above the chord.
+  struct Arc {
+    double t0, t1, y0, y1, bend;
+  };
 
   std::size_t Index(int row, int column) const { return static_cast<std::size_t>(row) * stride_ + column; }
   void AdvancePixel(const Step& step, int column, std::size_t i, float log_light);
   void Subdivide(const Step& step, int column, std::size_t i, Sample from, Sample to, double bend, int depth,
                  float* level);
-  void Segment(const Step& step, int column, std::size_t i, double t0, double t1, float y0, float y1);
+  /// Answer of the photoreceptor, which is at `y0`, to light: exact at both ends and in the middle.
+  Arc LowPassed(const Arc& light, double y0) const;
+  /// The events while the photoreceptor's output takes this arc.
+  void Fire(const Step& step, int column, std::size_t i, const Arc& arc);
   void Emit(const Step& step, int column, std::size_t i, double t_s, bool on);
   float TimeConstant(float chip_lux) const;
   float DrawNoiseTime(std::size_t i, double after_s);
@@ -83,10 +92,11 @@ class EventPixels {
   std::vector<float> level_;      ///< photoreceptor's output: the low-passed logarithm
   std::vector<float> reference_;  ///< level memorised at the last event; NaN while the pixel is refractory
   std::vector<float> on_, off_;   ///< thresholds
-  std::vector<float> leak_;       ///< fall of the reference, log units per second
+  std::vector<float> leak_;       ///< fall of the reference in the dark, log units per second
   std::vector<float> noise_s_;    ///< next noise event after the block's begin; infinite: none in this block
   std::vector<std::int64_t> block_begin_ns_;  ///< per row
   std::vector<double> block_s_;               ///< per row, length
+  std::vector<double> step_s_;                ///< per row, length of the last step
 };
 
 /// Puts events of all rows in the order of their time (ties: row, column), through a readout of bounded rate.

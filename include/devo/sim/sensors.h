@@ -24,11 +24,12 @@ struct EventPixelModel {
   double photocurrent_a_per_lux = 66e-15;
   double dark_current_lux = 0.01;  ///< dark current as an illuminance: takes contrast away in the dark
 
-  double noise_power_factor = 1.3;  ///< photoreceptor noise power over pure shot noise; 0: no shot noise
-  double leak_hz = 0.1;             ///< ON events per second of a static pixel
-  double leak_mismatch = 0.2;       ///< relative standard deviation between pixels
-  double hot_share = 1e-4;          ///< share of pixels that fire by themselves
-  double hot_hz = 80;               ///< their mean rate
+  double noise_power_factor = 1.3;       ///< photoreceptor noise power over pure shot noise; 0: no shot noise
+  double leak_hz = 0.1;                  ///< ON events per second of a static pixel in the dark
+  double parasitic_hz_per_lux = 2.7e-3;  ///< more of them by light on the reset switch, per lux on the chip
+  double leak_mismatch = 0.2;            ///< relative standard deviation between pixels
+  double hot_share = 1e-4;               ///< share of pixels that fire by themselves
+  double hot_hz = 80;                    ///< their mean rate
 
   double readout_hz = 50e6;       ///< events per second that leave the chip
   double readout_delay_s = 1e-3;  ///< an event that would wait longer is lost

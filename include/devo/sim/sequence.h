@@ -21,6 +21,7 @@
 #include "devo/sim/frame_sensor.h"
 #include "devo/sim/imu_sensor.h"
 #include "devo/sim/lidar.h"
+#include "devo/sim/regular_camera.h"
 #include "devo/sim/scene.h"
 #include "devo/sim/sensors.h"
 #include "devo/sim/trajectory.h"
@@ -35,10 +36,14 @@ struct SequenceOptions {
   std::string trajectory_file;   ///< TUM file with T_world_event, in the scene's world; empty: random motion
   double duration_s = 5;
   double rest_s = 0.3;  ///< at rest first
+  bool closed = false;  ///< random motion that comes back and stops where it began, so that it may be repeated
   std::vector<Stop> stops;
-  std::uint64_t seed = 1;
-  double start_s = 1000;  ///< stamp of the begin
-  int threads = 0;        ///< 0: one per processor. Does not change the result.
+  Rigid3
+      T_motion_event;  ///< where on what moves the event camera sits; a second camera of a stereo pair sits elsewhere
+  std::uint64_t seed = 1;        ///< of motion and noise
+  std::uint64_t noise_seed = 0;  ///< not 0: noise of its own for the same motion
+  double start_s = 1000;         ///< stamp of the begin
+  int threads = 0;               ///< 0: one per processor. Does not change the result.
 
   bool ideal_pixels = false;  ///< a perfect event sensor, see IdealPixel
 
@@ -48,8 +53,10 @@ struct SequenceOptions {
   double multipath = 0;            ///< see DepthModel
   bool lidar = false;              ///< 16 beams at 10 Hz beside the camera
   bool frames = true;              ///< blurred, noisy frames of the event camera's pixels
+  bool regular_camera = false;     ///< frames are those of VectorRegularCamera beside the event camera instead
   double frame_rate_hz = 30;
   bool imu = true;
+  double pose_rate_hz = 200;  ///< of ground truth
 
   double max_flow_px = 0.6;        ///< flow between two renderings, anywhere in the image
   EventPixels::Accuracy accuracy;  ///< sampling of a pixel's light between renderings
@@ -70,7 +77,7 @@ struct Chunk {
   std::vector<LidarScan> scans;
   std::vector<Frame> frames;
   std::vector<ImuSample> imu;
-  std::vector<TimedPose> poses;  ///< ground truth, 200 Hz
+  std::vector<TimedPose> poses;  ///< ground truth
 };
 
 struct SequenceStatistics {
@@ -94,6 +101,7 @@ class Sequence {
   const EventSensor& sensor() const;
   const DepthModel& depth_model() const;
   const LidarModel& lidar_model() const;
+  const RegularCameraModel& regular_camera_model() const;
   const Trajectory& trajectory() const;  ///< time 0 is begin_ns()
   const SequenceStatistics& statistics() const;
   std::int64_t begin_ns() const;

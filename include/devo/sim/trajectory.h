@@ -32,6 +32,9 @@ class Trajectory {
   /// Standing still until `rest_s`, then reaching full speed in `ramp_s`; and stops.
   void SetPauses(double rest_s, const std::vector<Stop>& stops, double ramp_s = 0.4);
 
+  /// The same motion for a camera that is mounted at T_camera_other on the first.
+  Trajectory MovedTo(const Rigid3& T_camera_other) const;
+
   /// T_world_camera at a time (s); beyond the ends the camera rests where it ended.
   Rigid3 PoseAt(double t_s) const;
   /// [v; omega] of and in the camera frame (m/s, rad/s), by central differences.
@@ -62,6 +65,11 @@ MotionLimits LimitsOf(const std::string& speed);
 
 /// A random smooth motion through the scene's volume, long enough for `duration_s`; the same seed gives the same.
 Trajectory RandomTrajectory(const MotionVolume& volume, const MotionLimits& limits, double duration_s,
+                            std::uint64_t seed);
+
+/// The same, but back at its first pose, with the same velocity, after exactly `duration_s`; slower than the limits by
+/// what is needed for that.
+Trajectory ClosedTrajectory(const MotionVolume& volume, const MotionLimits& limits, double duration_s,
                             std::uint64_t seed);
 
 /// Poses of a TUM file (`t tx ty tz qx qy qz qw`, # comments), with the time of its first pose. Throws

@@ -39,6 +39,13 @@ void Mapper::Reset() {
   scene_depth_ = SceneDepth();
 }
 
+void Mapper::SetOptions(const OdometryOptions& options) {
+  options_ = options;
+  registration_.SetOptions(options.mapping);
+  map_.SetOptions(options.mapping);
+  options_changed_ = true;
+}
+
 void Mapper::AddSurface(SurfacePtr surface) {
   if (surface->epoch != epoch_) {
     Reset();
@@ -71,7 +78,7 @@ SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
 }
 
 LocalMapPtr Mapper::Update() {
-  bool changed = false;
+  bool changed = options_changed_ && !map_.empty();
   while (!depths_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= depths_.front().t_ns) {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
@@ -171,6 +178,7 @@ LocalMapPtr Mapper::MakeLocalMap() {
   const auto visible = map_.Project(local->T_world_ref, occluder_ ? &*occluder_ : nullptr);
   local->points = map_.Select(visible, local->T_world_ref);
   T_world_local_ = local->T_world_ref;
+  options_changed_ = false;
   return local;
 }
 

@@ -37,8 +37,10 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   const std::string transport = ReadString(private_nh, "image_transport", "raw");
   map_file_ = ReadPath(private_nh, "map_file", "devo_map.pcd");
   depth_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "depth_queue_size", 10, 1, 1000));
-  RefuseUnknown(private_nh, {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "map_file",
-                             "image_transport", "depth_queue_size", "diagnostic_period"});
+  RefuseUnknown(private_nh, WithTunables(Module::kMapping,
+                                         {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose",
+                                          "map_file", "image_transport", "depth_queue_size", "diagnostic_period"}));
+  config_.odometry = ReadTunables(private_nh, Module::kMapping, config_.odometry);
   if (!event_frame.empty()) config_.frames.event = event_frame;
   const std::string depth_topic = InputTopic(nh_, "depth/image_raw", config_.topics.depth);
   if (depth_topic.empty()) throw std::invalid_argument("topics.depth is empty; expected the topic of the depth images");
@@ -68,6 +70,8 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
       depth_topic, static_cast<std::uint32_t>(depth_queue_size_),
       [this](const sensor_msgs::ImageConstPtr& image) { OnDepth(image); }, ros::VoidPtr(),
       image_transport::TransportHints(transport, ros::TransportHints(), private_nh_));
+  tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,
+                                         [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
   rig_->Start();
   health_.Start();
@@ -77,6 +81,7 @@ MappingNode::~MappingNode() {
   surface_subscriber_.shutdown();
   pose_subscriber_.shutdown();
   depth_subscriber_.shutdown();
+  tunables_.reset();
   save_service_.shutdown();
   worker_.reset();
 }
@@ -89,6 +94,12 @@ void MappingNode::OnRig(const ResolvedRig& rig) {
     T_odom_world_ = initial_pose_ * rig.T_event_base.value_or(Rigid3()).inverse();
   }
   worker_->Wake();
+}
+
+void MappingNode::OnOptions(const OdometryOptions& options) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  config_.odometry = options;
+  options_changed_ = true;
 }
 
 std::int64_t MappingNode::TimeOf(const sensor_msgs::Image& image) const {
@@ -152,6 +163,7 @@ bool MappingNode::Step() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_mapper_) mapper_ = std::move(new_mapper_);
     if (!mapper_ || answers_.empty()) return false;
+    if (std::exchange(options_changed_, false)) mapper_->SetOptions(config_.odometry);
     answer = answers_.front();
     answers_.pop_front();
     // Surfaces of an older epoch get no answer any more.

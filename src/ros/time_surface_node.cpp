@@ -36,8 +36,10 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
       period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), decoder_(std::make_unique<EventDecoder>()),
       health_(nh, private_nh), image_transport_(nh) {
   const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
-  RefuseUnknown(private_nh, {"config", "set", "max_backlog_s", "reset_after_gap_s", "max_queued_kevents",
-                             "event_queue_size", "diagnostic_period"});
+  RefuseUnknown(private_nh,
+                WithTunables(Module::kSurface, {"config", "set", "max_backlog_s", "reset_after_gap_s",
+                                                "max_queued_kevents", "event_queue_size", "diagnostic_period"}));
+  config_.odometry = ReadTunables(private_nh, Module::kSurface, config_.odometry);
   const std::string topic = InputTopic(nh_, "events", config_.topics.events);
   if (topic.empty()) throw std::invalid_argument("topics.events is empty; expected the topic of the events");
 
@@ -60,6 +62,8 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
                                                             const std::lock_guard<std::mutex> lock(mutex_);
                                                             scene_depth_ = depth;
                                                           }));
+  tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kSurface, config_.odometry,
+                                         [this](const OdometryOptions& options) { OnOptions(options); });
   services_.push_back(private_nh_.advertiseService("reset", &TimeSurfaceNode::OnReset, this));
   services_.push_back(private_nh_.advertiseService("pause", &TimeSurfaceNode::OnPause, this));
   rig_->Start();
@@ -88,6 +92,7 @@ TimeSurfaceNode::~TimeSurfaceNode() {
   pose_arrived_.notify_all();
   // No callback may find the worker gone.
   events_.reset();
+  tunables_.reset();
   pose_subscriber_.shutdown();
   scene_depth_subscriber_.shutdown();
   services_.clear();
@@ -95,13 +100,18 @@ TimeSurfaceNode::~TimeSurfaceNode() {
 }
 
 void TimeSurfaceNode::OnRig(const ResolvedRig& rig) {
-  auto builder = std::make_unique<SurfaceBuilder>(rig.rig.event_camera, config_.odometry.surface);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    new_builder_ = std::move(builder);
+    new_builder_ = std::make_unique<SurfaceBuilder>(rig.rig.event_camera, config_.odometry.surface);
     event_frame_ = rig.event_frame;
   }
   worker_->Wake();
+}
+
+void TimeSurfaceNode::OnOptions(const OdometryOptions& options) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  config_.odometry = options;
+  options_changed_ = true;
 }
 
 void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estimate) {
@@ -187,6 +197,7 @@ void TimeSurfaceNode::TakeMessages() {
     queued_events_ = 0;
     std::swap(reset, reset_requested_);
     if (builder_) counters_ = builder_->counters();
+    if (builder_ && std::exchange(options_changed_, false)) builder_->SetOptions(config_.odometry.surface);
   }
   if (reset && builder_) {
     batches_.clear();

@@ -27,6 +27,9 @@ class Mapper {
  public:
   Mapper(const Rig& rig, const OdometryOptions& options);
 
+  /// Other options from the next depth image on; the references stay. The next Update composes the local map anew.
+  void SetOptions(const OdometryOptions& options);
+
   void AddSurface(SurfacePtr surface);
   void AddPose(const PoseEstimate& pose);
   void AddDepth(const DepthImage& depth);
@@ -71,6 +74,7 @@ class Mapper {
   bool trackable_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
+  bool options_changed_ = false;                    // since the last local map
   int local_maps_ = 0;
   SceneDepth scene_depth_;
   std::uint64_t epoch_ = 0;

@@ -21,6 +21,9 @@ class NoiseFilter {
   /// True when the event is signal. Events must lie in the image and come in the order of their time.
   bool Pass(const Event& event);
 
+  /// Other criteria from the next event on, as in the constructor; what was learnt of noise and hot pixels stays.
+  void SetCriteria(double window_s, int min_neighbours, double hot_factor);
+
   void Reset();
   int hot_pixels() const { return hot_pixels_; }
 

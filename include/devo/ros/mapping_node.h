@@ -18,6 +18,7 @@
 #include "devo/ros/core_messages.h"
 #include "devo/ros/health.h"
 #include "devo/ros/rig_resolver.h"
+#include "devo/ros/tunables.h"
 #include "devo/ros/worker.h"
 
 namespace devo {
@@ -35,6 +36,7 @@ class MappingNode {
   using PoseConstPtr = boost::shared_ptr<const PoseEstimate>;
 
   void OnRig(const ResolvedRig& rig);
+  void OnOptions(const OdometryOptions& options);
   void OnSurface(const SurfaceConstPtr& surface);
   void OnPose(const PoseConstPtr& pose);
   void OnDepth(const sensor_msgs::ImageConstPtr& image);
@@ -66,6 +68,7 @@ class MappingNode {
   std::int64_t last_depth_ns_ = 0;
   std::uint64_t surfaces_dropped_ = 0, depth_dropped_ = 0, depth_refused_ = 0;
   std::unique_ptr<Mapper> new_mapper_;
+  bool options_changed_ = false;  // in config_.odometry, until the worker's mapper has them
   ResolvedRig resolved_;
   Rigid3 T_odom_world_;
   Mapper::Counters counters_;
@@ -90,6 +93,7 @@ class MappingNode {
   image_transport::Subscriber depth_subscriber_;
   ros::Publisher map_publisher_, scene_depth_publisher_, local_cloud_publisher_, global_cloud_publisher_;
   ros::Subscriber surface_subscriber_, pose_subscriber_;
+  std::unique_ptr<Tunables> tunables_;
   ros::ServiceServer save_service_;
   std::unique_ptr<Worker> worker_;  // last: joined before anything that it uses goes
 };

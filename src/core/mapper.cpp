@@ -37,6 +37,7 @@ void Mapper::Reset() {
   occluder_.reset();
   T_world_local_.reset();
   scene_depth_ = SceneDepth();
+  last_match_ = Match();
 }
 
 void Mapper::SetOptions(const OdometryOptions& options) {
@@ -104,6 +105,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
     return false;
   }
   ++counters_.depth_used;
+  last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
   scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
   occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
   if (surface->still || (!map_.empty() && !trackable_)) return false;

@@ -24,6 +24,12 @@ constexpr double kBackwards_s = 0.1;
 // Depth this much older or newer than the surfaces is not of their time; it may be when they get there.
 constexpr double kDepthAge_s = 2, kDepthAhead_s = 1;
 constexpr std::size_t kMaxWaitingSurfaces = 32;
+// Depth is compared with the events twice per second; the figures are of the last ten seconds of motion.
+constexpr double kJudgePeriod_s = 0.5;
+constexpr std::size_t kJudgedImages = 20;
+// Of that many silhouettes at least, an aligned depth camera's meet edges clearly more often than places beside them.
+constexpr int kEnoughSilhouettes = 1000;
+constexpr double kMoreThanChance = 1.2;
 
 }  // namespace
 
@@ -184,6 +190,7 @@ bool MappingNode::Step() {
     Feed(surfaces, *answer);
     const LocalMapPtr map = mapper_->Update();
     const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
+    if (mapper_->last_match().surface) JudgeAlignment(mapper_->last_match());
     if (mapper_->scene_depth().t_ns != scene_depth_ns_) {
       scene_depth_ns_ = mapper_->scene_depth().t_ns;
       scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
@@ -230,6 +237,20 @@ void MappingNode::Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEs
   for (const SurfaceConstPtr& surface : surfaces) mapper_->AddSurface(ToStd(surface));
   last_surface_ = surfaces.back();
   if (pose.state != TrackingState::kInitialising) mapper_->AddPose(pose);
+}
+
+void MappingNode::JudgeAlignment(const Mapper::Match& match) {
+  if (std::abs(SecondsFromNs(match.depth.t_ns - judged_ns_)) < kJudgePeriod_s || match.surface->still) return;
+  judged_ns_ = match.depth.t_ns;
+  const Camera camera = resolved_.rig.event_camera.Undistorted();
+  if (depth_rays_.empty()) depth_rays_ = RayTable(resolved_.rig.depth_camera);
+  const SilhouetteFit fit =
+      FitSilhouettes(ProjectSilhouettes(match.depth.depth_m, depth_rays_, match.T_event_depth, camera), *match.surface,
+                     match.velocity_event, camera);
+  if (fit.silhouettes == 0) return;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  alignment_.push_back(fit);
+  if (alignment_.size() > kJudgedImages) alignment_.pop_front();
 }
 
 void MappingNode::Publish(const LocalMapPtr& map) {
@@ -284,6 +305,17 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   } else {
     status.summary(DiagnosticStatus::OK, "mapping");
   }
+  SilhouetteFit fit;
+  for (const SilhouetteFit& one : alignment_) fit += one;
+  if (fit.silhouettes >= kEnoughSilhouettes && fit.MatchedShare() < kMoreThanChance * fit.ChanceShare()) {
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        "silhouettes of the depth do not lie on edges of the events: check T_event_depth and "
+                        "depth_time_offset_s (devo_check_alignment)");
+  }
+  status.add("silhouettes of the depth that moved", fit.silhouettes);
+  status.addf("of these on an edge of the events (share)", "%.2f", fit.MatchedShare());
+  status.addf("on an edge by chance (share)", "%.2f", fit.ChanceShare());
+  status.addf("silhouettes to their edges, mean (px)", "%.2f", fit.MeanDistance_px());
   status.add("epoch", epoch_);
   status.add("references", counters_.references);
   status.add("points in the global map", global_map_.size());

@@ -57,7 +57,8 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   tracked_pose_publisher_ = nh_.advertise<PoseEstimate>(topics::kTrackedPose, 8);
   reprojection_publisher_ = image_transport_.advertise(topics::kReprojectionImage, 2);
   surface_input_ = health_.AddInput("surfaces", nh_.resolveName(topics::kSurface), "TimeSurface");
-  map_input_ = health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap");
+  map_input_ = health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap",
+                                 Input::Kind::kOccasional);
   RigResolver::Need need;
   need.base_frame = frames_.base;
   const std::string imu_topic = InputTopic(nh_, "imu", config_.topics.imu);

@@ -103,6 +103,17 @@ class ReplayTest(unittest.TestCase):
         inputs = self.record.diagnostic("mapping: inputs")
         self.assertEqual(inputs["message"], "all inputs arrive")
 
+    def test_diagnostics_judge_how_depth_lies_on_the_events(self):
+        mapping = self.record.diagnostic(": mapping")
+        share, chance = (float(mapping[key]) for key in ("of these on an edge of the events (share)",
+                                                         "on an edge by chance (share)"))
+        print("%s silhouettes, %.2f on an edge (%.2f by chance), %s px away" % (
+            mapping["silhouettes of the depth that moved"], share, chance,
+            mapping["silhouettes to their edges, mean (px)"]))
+        self.assertGreater(int(mapping["silhouettes of the depth that moved"]), 500)
+        self.assertGreater(share, 1.5 * chance)
+        self.assertLess(float(mapping["silhouettes to their edges, mean (px)"]), 1.5)
+
     def test_samples_of_the_imu_arrive_in_the_event_frame(self):
         tracking = self.record.diagnostic(": tracking")
         print("IMU samples: %s accepted, %s without a transform" % (

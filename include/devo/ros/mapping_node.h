@@ -15,6 +15,7 @@
 #include <std_srvs/Trigger.h>
 
 #include "devo/core/mapper.h"
+#include "devo/core/silhouettes.h"
 #include "devo/ros/core_messages.h"
 #include "devo/ros/health.h"
 #include "devo/ros/rig_resolver.h"
@@ -49,6 +50,7 @@ class MappingNode {
   std::deque<sensor_msgs::ImageConstPtr> TakeDepth();
   void AddDepth(const sensor_msgs::ImageConstPtr& image);
   void Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEstimate& pose);
+  void JudgeAlignment(const Mapper::Match& match);
   void Publish(const LocalMapPtr& map);
   void PublishGlobalMap();
   void DrawDepthOverlay(const DepthImage& depth);
@@ -73,6 +75,7 @@ class MappingNode {
   Rigid3 T_odom_world_;
   Mapper::Counters counters_;
   SceneDepth scene_depth_;
+  std::deque<SilhouetteFit> alignment_;  // of the last depth images that were judged
   Quantiles mapping_ms_;
   std::string failure_;
   std::vector<MapPoint> global_map_;  // frame `world`
@@ -83,6 +86,8 @@ class MappingNode {
   std::unique_ptr<Mapper> mapper_;
   SurfaceConstPtr last_surface_;
   std::int64_t scene_depth_ns_ = 0;
+  std::int64_t judged_ns_ = 0;  // depth image whose alignment was judged last
+  cv::Mat2f depth_rays_;
   bool global_map_wanted_ = false;
 
   Health health_;

@@ -50,6 +50,10 @@ add_rostest_gmock(zero_copy_test test/rostest/zero_copy.test test/rostest/zero_c
 target_link_libraries(zero_copy_test devo_ros devo_sim)
 add_dependencies(zero_copy_test devo_nodelets)
 
+add_rostest(test/rostest/live.test
+  ARGS bag:=${devo_sample}.bag config:=${devo_sample}.yaml
+  DEPENDENCIES ${devo_rostest_dependencies})
+
 add_rostest(test/rostest/launch_files.test)
 
 add_rostest(test/rostest/recordings.test

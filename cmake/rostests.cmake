@@ -56,6 +56,10 @@ add_rostest(test/rostest/live.test
 
 add_rostest(test/rostest/launch_files.test)
 
+add_rostest(test/rostest/install.test
+  ARGS build:=${CMAKE_CURRENT_BINARY_DIR} bag:=${devo_sample}.bag config:=${devo_sample}.yaml
+  DEPENDENCIES ${devo_rostest_dependencies})
+
 add_rostest(test/rostest/recordings.test
   ARGS mvsec:=${devo_test_data}/mvsec vector:=${devo_test_data}/vector
   DEPENDENCIES ${devo_rostest_dependencies} devo_dialect_recordings)

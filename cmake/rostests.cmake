@@ -48,6 +48,7 @@ add_rostest(test/rostest/bad_parameters.test DEPENDENCIES ${devo_rostest_depende
 
 add_rostest_gmock(zero_copy_test test/rostest/zero_copy.test test/rostest/zero_copy_test.cpp)
 target_link_libraries(zero_copy_test devo_ros devo_sim)
+devo_use_event_messages(zero_copy_test test/rostest/zero_copy_test.cpp)
 add_dependencies(zero_copy_test devo_nodelets)
 
 add_rostest(test/rostest/live.test

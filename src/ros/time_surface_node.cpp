@@ -33,8 +33,7 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
       max_backlog_s_(ReadDouble(private_nh, "max_backlog_s", 0.15, 0.01, 10)),
       reset_after_gap_s_(ReadDouble(private_nh, "reset_after_gap_s", 10, 0.5, 1e6)),
       max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 4000, 10, 1000000))),
-      period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), decoder_(std::make_unique<EventDecoder>()),
-      health_(nh, private_nh), image_transport_(nh) {
+      period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), health_(nh, private_nh), image_transport_(nh) {
   const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
   RefuseUnknown(private_nh,
                 WithTunables(Module::kSurface, {"config", "set", "max_backlog_s", "reset_after_gap_s",
@@ -71,11 +70,11 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
     if (paused_) return;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      queued_events_ += message.MostEvents();
+      queued_events_ += message.most_events;
       messages_.push_back(std::move(message));
       while (queued_events_ > max_queued_events_ && messages_.size() > 1) {
-        queued_events_ -= messages_.front().MostEvents();
-        dropped_events_ += messages_.front().MostEvents();
+        queued_events_ -= messages_.front().most_events;
+        dropped_events_ += messages_.front().most_events;
         messages_.pop_front();
       }
     }
@@ -206,7 +205,7 @@ void TimeSurfaceNode::TakeMessages() {
   for (const EventMessage& message : messages) {
     Batch batch;
     batch.arrival = message.arrival;
-    decoder_->Append(message, &batch.events);
+    message.append(&packets_, &batch.events);
     if (batch.events.empty()) continue;
     // Within a message stamps may go back a little, too.
     if (!std::is_sorted(batch.events.begin(), batch.events.end(),

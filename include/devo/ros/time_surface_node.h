@@ -95,7 +95,7 @@ class TimeSurfaceNode {
 
   // The worker's own.
   std::unique_ptr<SurfaceBuilder> builder_;
-  std::unique_ptr<EventDecoder> decoder_;
+  EventPacketConverter packets_;
   std::deque<Batch> batches_;
   std::int64_t newest_event_ns_ = 0;
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event

@@ -6,7 +6,7 @@
 # them in a build folder of its own, and runs the test that compares the objects. Some minutes; not part of test.sh.
 set -euo pipefail
 source_dir=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-build_dir=${DEVO_BUILD_DIR:-$source_dir/build}/optional_messages
+build_dir=${DEVO_BUILD_DIR:-$source_dir/build}_optional_messages
 standins=$build_dir/standins
 prefix=$build_dir/prefix
 mkdir -p "$standins"
@@ -55,10 +55,10 @@ cp "$source_dir/msg/EventPacket.msg" "$standins/event_camera_msgs/msg/"
 make_package event_camera_msgs
 
 export CMAKE_PREFIX_PATH=$prefix${CMAKE_PREFIX_PATH:+:$CMAKE_PREFIX_PATH}
-DEVO_BUILD_DIR=$build_dir/devo "$source_dir/scripts/build.sh" --only zero_copy_test
+DEVO_BUILD_DIR=$build_dir "$source_dir/scripts/build.sh" --only zero_copy_test
 set +u
 # shellcheck disable=SC1091
-source "$build_dir/devo/devel/setup.bash"
+source "$build_dir/devel/setup.bash"
 set -u
 export ROS_HOSTNAME=localhost ROS_HOME=$build_dir/ros_home
 rostest devo zero_copy.test

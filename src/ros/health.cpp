@@ -63,6 +63,19 @@ void Input::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   status.addf(role_ + " rate (Hz of data time)", "%.1f", rate_.Hz());
 }
 
+void Failures::Add(const std::string& text) {
+  last_ = text;
+  last_time_ = ros::WallTime::now();
+  ++count_;
+}
+
+bool Failures::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
+  status.add("failures", count_);
+  const bool recent = count_ > 0 && (ros::WallTime::now() - last_time_).toSec() < shown_s_;
+  if (recent) status.summary(diagnostic_msgs::DiagnosticStatus::ERROR, last_);
+  return recent;
+}
+
 Health::Health(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
     : nh_(nh), private_nh_(private_nh), name_(private_nh.getNamespace()) {}
 

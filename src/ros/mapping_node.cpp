@@ -204,7 +204,7 @@ bool MappingNode::Step() {
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
-    failure_ = error.what();
+    failures_.Add(error.what());
   }
   return true;
 }
@@ -224,7 +224,7 @@ void MappingNode::AddDepth(const sensor_msgs::ImageConstPtr& image) {
     ROS_ERROR_STREAM_THROTTLE(10, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
     ++depth_refused_;
-    failure_ = error.what();
+    failures_.Add(error.what());
   }
 }
 
@@ -298,8 +298,8 @@ bool MappingNode::OnSaveMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Resp
 
 void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!failure_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, failure_);
+  if (failures_.Fill(status)) {
+    // its summary stays
   } else if (counters_.references == 0) {
     status.summary(DiagnosticStatus::WARN, "no reference yet");
   } else {
@@ -315,7 +315,7 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("silhouettes of the depth that moved", fit.silhouettes);
   status.addf("of these on an edge of the events (share)", "%.2f", fit.MatchedShare());
   status.addf("on an edge by chance (share)", "%.2f", fit.ChanceShare());
-  status.addf("silhouettes to their edges, mean (px)", "%.2f", fit.MeanDistance_px());
+  status.addf("silhouettes to their edges, mean (px)", "%.2f", fit.MeanDistancePx());
   status.add("epoch", epoch_);
   status.add("references", counters_.references);
   status.add("points in the global map", global_map_.size());

@@ -181,7 +181,7 @@ bool TimeSurfaceNode::Step() {
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
-    failure_ = error.what();
+    failures_.Add(error.what());
     return false;
   }
 }
@@ -305,8 +305,8 @@ void TimeSurfaceNode::PublishImage(const Surface& surface) {
 
 void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!failure_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, failure_);
+  if (failures_.Fill(status)) {
+    // its summary stays
   } else if (surfaces_ == 0) {
     status.summary(DiagnosticStatus::WARN, "no surface yet");
   } else if (paused_) {

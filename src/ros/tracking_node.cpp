@@ -57,8 +57,8 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   tracked_pose_publisher_ = nh_.advertise<PoseEstimate>(topics::kTrackedPose, 8);
   reprojection_publisher_ = image_transport_.advertise(topics::kReprojectionImage, 2);
   surface_input_ = health_.AddInput("surfaces", nh_.resolveName(topics::kSurface), "TimeSurface");
-  map_input_ = health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap",
-                                 Input::Kind::kOccasional);
+  map_input_ =
+      health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap", Input::Kind::kOccasional);
   RigResolver::Need need;
   need.base_frame = frames_.base;
   const std::string imu_topic = InputTopic(nh_, "imu", config_.topics.imu);
@@ -182,7 +182,7 @@ bool TrackingNode::Step() {
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
-    failure_ = error.what();
+    failures_.Add(error.what());
   }
   return true;
 }
@@ -265,8 +265,8 @@ bool TrackingNode::OnSaveTrajectory(std_srvs::Trigger::Request&, std_srvs::Trigg
 
 void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!failure_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, failure_);
+  if (failures_.Fill(status)) {
+    // its summary stays
   } else if (tracked_ + untracked_ == 0) {
     status.summary(DiagnosticStatus::WARN, "no data");
   } else {

@@ -83,14 +83,14 @@ TEST(Silhouettes, FitEdgesWhereTheyAreAndNotAside) {
   EXPECT_EQ(fit.silhouettes, 120);  // those above and below the board do not move across themselves
   EXPECT_EQ(fit.MatchedShare(), 1);
   EXPECT_EQ(fit.ChanceShare(), 0);
-  EXPECT_LT(fit.MeanDistance_px(), 0.01);
+  EXPECT_LT(fit.MeanDistancePx(), 0.01);
 }
 
 TEST(Silhouettes, MeasureHowFarDepthLiesBesideTheEvents) {
   const auto silhouettes = Silhouettes(BoardInFrontOfAWall());
   SilhouetteFit fit = FitSilhouettes(silhouettes, Edges(2), Sideways(), TestCamera());
   EXPECT_EQ(fit.MatchedShare(), 1);
-  EXPECT_NEAR(fit.MeanDistance_px(), 2, 0.01);
+  EXPECT_NEAR(fit.MeanDistancePx(), 2, 0.01);
   fit += FitSilhouettes(silhouettes, Edges(6), Sideways(), TestCamera());
   EXPECT_EQ(fit.silhouettes, 240);
   EXPECT_EQ(fit.MatchedShare(), 0.5);

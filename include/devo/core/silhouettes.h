@@ -42,7 +42,7 @@ struct SilhouetteFit {
   SilhouetteFit& operator+=(const SilhouetteFit& other);
   double MatchedShare() const { return silhouettes > 0 ? static_cast<double>(matched) / silhouettes : 0; }
   double ChanceShare() const { return silhouettes > 0 ? by_chance / silhouettes : 0; }
-  double MeanDistance_px() const { return matched > 0 ? distance_sum_px / matched : 0; }
+  double MeanDistancePx() const { return matched > 0 ? distance_sum_px / matched : 0; }
 };
 
 /// `velocity_event`: [v; omega], m/s and rad/s, at the surface's time. All zero for the paper's plain surface, whose

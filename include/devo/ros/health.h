@@ -52,6 +52,23 @@ class Input {
   RateMeter rate_;
 };
 
+/// What went wrong while running, for a status: named for some seconds of wall time, counted for good. Not thread-safe.
+class Failures {
+ public:
+  explicit Failures(double shown_s = 10) : shown_s_(shown_s) {}
+
+  void Add(const std::string& text);
+
+  /// The last one as the status' summary, if it is recent, and their number. Returns whether it was recent.
+  bool Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
+
+ private:
+  double shown_s_;
+  std::string last_;
+  ros::WallTime last_time_;
+  std::uint64_t count_ = 0;
+};
+
 class Health {
  public:
   using Fill = std::function<void(diagnostic_updater::DiagnosticStatusWrapper&)>;

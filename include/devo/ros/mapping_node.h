@@ -77,7 +77,7 @@ class MappingNode {
   SceneDepth scene_depth_;
   std::deque<SilhouetteFit> alignment_;  // of the last depth images that were judged
   Quantiles mapping_ms_;
-  std::string failure_;
+  Failures failures_;
   std::vector<MapPoint> global_map_;  // frame `world`
   std::uint64_t epoch_ = 0;
   std::int64_t surface_ns_ = 0;  // newest surface given to the mapper

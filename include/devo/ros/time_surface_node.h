@@ -90,7 +90,7 @@ class TimeSurfaceNode {
   bool reset_requested_ = false;
   bool options_changed_ = false;  // in config_.odometry, until the worker's builder has them
   bool closing_ = false;
-  std::string failure_;
+  Failures failures_;
   std::atomic<bool> paused_{false};
 
   // The worker's own.

@@ -80,7 +80,7 @@ class TrackingNode {
   std::uint64_t tracked_ = 0, dropped_ = 0, untracked_ = 0, forgotten_ = 0;
   RateMeter pose_rate_;
   Quantiles tracking_ms_;
-  std::string failure_;
+  Failures failures_;
 
   // The worker's own.
   std::unique_ptr<Tracker> tracker_;

@@ -40,15 +40,27 @@ add_rostest(test/rostest/replay.test
   ARGS bag:=${devo_sample}.bag config:=${devo_sample}.yaml
   DEPENDENCIES ${devo_rostest_dependencies})
 
+add_rostest(test/rostest/lifecycle.test
+  ARGS bag:=${devo_sample}.bag config:=${devo_sample}.yaml
+  DEPENDENCIES ${devo_rostest_dependencies})
+
 add_rostest(test/rostest/bad_parameters.test DEPENDENCIES ${devo_rostest_dependencies})
 
 add_rostest_gmock(zero_copy_test test/rostest/zero_copy.test test/rostest/zero_copy_test.cpp)
 target_link_libraries(zero_copy_test devo_ros devo_sim)
+devo_use_event_messages(zero_copy_test test/rostest/zero_copy_test.cpp)
 add_dependencies(zero_copy_test devo_nodelets)
+
+add_rostest(test/rostest/live.test
+  ARGS bag:=${devo_sample}.bag config:=${devo_sample}.yaml
+  DEPENDENCIES ${devo_rostest_dependencies})
 
 add_rostest(test/rostest/launch_files.test)
 
 add_rostest(test/rostest/simulated_sensor.test DEPENDENCIES devo_nodelets)
+add_rostest(test/rostest/install.test
+  ARGS build:=${CMAKE_CURRENT_BINARY_DIR} bag:=${devo_sample}.bag config:=${devo_sample}.yaml
+  DEPENDENCIES ${devo_rostest_dependencies})
 
 add_rostest(test/rostest/recordings.test
   ARGS mvsec:=${devo_test_data}/mvsec vector:=${devo_test_data}/vector

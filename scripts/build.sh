@@ -1,11 +1,18 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# Builds everything, tests included (not with -DCATKIN_ENABLE_TESTING=OFF), in build/ (DEVO_BUILD_DIR overrides). Arguments are cmake's (-DNAME=value).
+# Builds everything, tests included (not with -DCATKIN_ENABLE_TESTING=OFF), in build/ (DEVO_BUILD_DIR overrides).
+#   build.sh [--only TARGET] [-DNAME=value...]     what follows is cmake's
 # Afterwards `source devel/setup.bash` makes the package known to roslaunch and rosrun.
 set -euo pipefail
 source_dir=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 build_dir=${DEVO_BUILD_DIR:-$source_dir/build}
+
+only=
+if [ "${1:-}" = --only ]; then
+  only=$2
+  shift 2
+fi
 
 # Debian's own ROS lives under /usr and needs no setup; that of packages.ros.org does.
 if [ -f /opt/ros/noetic/setup.bash ]; then
@@ -38,6 +45,10 @@ if ! cmake -S "$source_dir" -B "$build_dir" "${arguments[@]}" "$@" > "$log" 2>&1
   exit 1
 fi
 echo "building in $build_dir, $jobs at a time"
+if [ -n "$only" ]; then
+  cmake --build "$build_dir" -j "$jobs" --target "$only"
+  exit
+fi
 cmake --build "$build_dir" -j "$jobs"
 # Tests are not part of `all` with catkin.
 if grep -q '^CATKIN_ENABLE_TESTING:.*=ON' "$build_dir/CMakeCache.txt"; then

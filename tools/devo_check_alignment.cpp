@@ -26,6 +26,7 @@
 #include "devo/core/camera.h"
 #include "devo/core/crests.h"
 #include "devo/core/rig.h"
+#include "devo/core/silhouettes.h"
 #include "devo/core/time.h"
 #include "devo/io/rig_config.h"
 #include "devo/ros/bag_reader.h"
@@ -96,43 +97,6 @@ class EventWindow {
   std::deque<Event> events_;
 };
 
-bool Continuous(float a_m, float b_m) { return a_m > 0 && b_m > 0 && std::abs(a_m - b_m) < 0.03F * a_m; }
-bool Behind(float front_m, float back_m) { return front_m > 0 && back_m > 1.08F * front_m + 0.05F; }
-
-/// A pixel's length of border between foreground and background.
-struct Silhouette {
-  cv::Point2f u;  // undistorted event image, px
-  int dx, dy;     // side of the background
-};
-
-/// Silhouettes: the border of foreground that goes on inwards (which flying pixels do not) and has background beside
-/// it.
-std::vector<Silhouette> ProjectSilhouettes(const cv::Mat1f& depth_m, const cv::Mat2f& rays, const Rig& rig) {
-  const Camera camera = rig.event_camera.Undistorted();
-  std::vector<Silhouette> points;
-  const auto consider = [&](int x, int y, int dx, int dy) {
-    const float z = depth_m(y, x);
-    if (!Continuous(z, depth_m(y - dy, x - dx)) || !Continuous(z, depth_m(y - 2 * dy, x - 2 * dx))) return;
-    // The pixel beside the border may mix both sides.
-    if (!Behind(z, depth_m(y + dy, x + dx)) && !Behind(z, depth_m(y + 2 * dy, x + 2 * dx))) return;
-    if (Continuous(z, depth_m(y + dy, x + dx))) return;  // the border is one pixel further
-    const cv::Vec2f ray = 0.5F * (rays(y, x) + rays(y + dy, x + dx));
-    const auto u = camera.Project(rig.T_event_depth * Eigen::Vector3d(z * ray[0], z * ray[1], z));
-    if (u && camera.Contains(*u, 3)) {
-      points.push_back({cv::Point2f(static_cast<float>(u->x()), static_cast<float>(u->y())), dx, dy});
-    }
-  };
-  for (int y = 2; y < depth_m.rows - 2; ++y) {
-    for (int x = 2; x < depth_m.cols - 2; ++x) {
-      consider(x, y, 1, 0);
-      consider(x, y, -1, 0);
-      consider(x, y, 0, 1);
-      consider(x, y, 0, -1);
-    }
-  }
-  return points;
-}
-
 /// How well silhouettes lie on the crests of accumulated events.
 class CrestFit {
  public:
@@ -143,17 +107,7 @@ class CrestFit {
     surface_.nearest_edge.create(events.size());
     BuildNearestEdgeField(surface_.edges, kSearch_px, &surface_.nearest_edge);
   }
-  /// Distance to the nearest crest, px; empty where there is none, or one of another direction.
-  std::optional<double> Distance(const Silhouette& point) const {
-    const int index = surface_.NearestEdge(static_cast<int>(point.u.x + 0.5F), static_cast<int>(point.u.y + 0.5F));
-    if (index < 0) return std::nullopt;
-    const EdgePoint& crest = surface_.edges[static_cast<std::size_t>(index)];
-    // The background's side is known to 45 degrees.
-    if (std::abs(crest.nx * static_cast<float>(point.dx) + crest.ny * static_cast<float>(point.dy)) < 0.7F) {
-      return std::nullopt;
-    }
-    return std::hypot(crest.x - point.u.x, crest.y - point.u.y);
-  }
+  std::optional<double> Distance(const Silhouette& point) const { return DistanceToEdge(point, surface_); }
 
  private:
   Surface surface_;  // of which only the edges and their field are used
@@ -258,7 +212,8 @@ class Checker {
     if (count < kMinEventShare * pixels) return;  // stands still
     const auto half_ns =
         static_cast<std::int64_t>(static_cast<double>(widest_ns) * std::min(1.0, kEventShare * pixels / count));
-    const std::vector<Silhouette> points = ProjectSilhouettes(depth.depth_m, depth_rays_, rig_);
+    const std::vector<Silhouette> points =
+        ProjectSilhouettes(depth.depth_m, depth_rays_, rig_.T_event_depth, rig_.event_camera.Undistorted());
     if (points.size() < kMinPoints) return;
 
     for (std::size_t i = 0; i < curve_.offset_s.size(); ++i) {

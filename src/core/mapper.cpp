@@ -37,6 +37,14 @@ void Mapper::Reset() {
   occluder_.reset();
   T_world_local_.reset();
   scene_depth_ = SceneDepth();
+  last_match_ = Match();
+}
+
+void Mapper::SetOptions(const OdometryOptions& options) {
+  options_ = options;
+  registration_.SetOptions(options.mapping);
+  map_.SetOptions(options.mapping);
+  options_changed_ = true;
 }
 
 void Mapper::AddSurface(SurfacePtr surface) {
@@ -71,7 +79,7 @@ SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
 }
 
 LocalMapPtr Mapper::Update() {
-  bool changed = false;
+  bool changed = options_changed_ && !map_.empty();
   while (!depths_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= depths_.front().t_ns) {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
@@ -97,6 +105,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
     return false;
   }
   ++counters_.depth_used;
+  last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
   scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
   occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
   if (surface->still || (!map_.empty() && !trackable_)) return false;
@@ -171,6 +180,7 @@ LocalMapPtr Mapper::MakeLocalMap() {
   const auto visible = map_.Project(local->T_world_ref, occluder_ ? &*occluder_ : nullptr);
   local->points = map_.Select(visible, local->T_world_ref);
   T_world_local_ = local->T_world_ref;
+  options_changed_ = false;
   return local;
 }
 

@@ -58,6 +58,14 @@ NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbo
   Reset();
 }
 
+void NoiseFilter::SetCriteria(double window_s, int min_neighbours, double hot_factor) {
+  // The one more that dense noise asks for stays until the next update.
+  needed_neighbours_ = min_neighbours > 0 ? min_neighbours + needed_neighbours_ - min_neighbours_ : 0;
+  window_us_ = static_cast<std::uint32_t>(1e6 * window_s);
+  min_neighbours_ = min_neighbours;
+  hot_factor_ = hot_factor;
+}
+
 void NoiseFilter::Reset() {
   // Neighbours are read four at a time: one more than there are at the end.
   pixels_.assign(static_cast<std::size_t>(stride_) * (height_ + 2) + 1, kTickMask & -kLongAgo_ticks);

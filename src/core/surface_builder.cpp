@@ -136,6 +136,14 @@ SurfaceBuilder::~SurfaceBuilder() = default;
 const SurfaceBuilder::Counters& SurfaceBuilder::counters() const { return impl_->counters; }
 std::uint64_t SurfaceBuilder::epoch() const { return impl_->epoch; }
 
+void SurfaceBuilder::SetOptions(const SurfaceOptions& options) {
+  const SurfaceOptions before = impl_->options;
+  impl_->options = options;
+  impl_->options.method = before.method;
+  impl_->options.event_share = before.event_share;
+  impl_->filter.SetCriteria(options.noise_window_s, options.noise_neighbours, options.hot_pixel_factor);
+}
+
 void SurfaceBuilder::Reset() {
   impl_->raw.Clear();
   impl_->kept.Clear();

@@ -39,6 +39,12 @@ Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
     : options_(options), camera_(event_camera.Undistorted()), motion_(options.tracking),
       relocalizer_(camera_, options) {}
 
+void Tracker::SetOptions(const OdometryOptions& options) {
+  options_ = options;
+  motion_.SetOptions(options.tracking);
+  relocalizer_.SetOptions(options);
+}
+
 void Tracker::SetMap(LocalMapPtr map) {
   map_ = std::move(map);
   relocalizer_.Remember(map_);

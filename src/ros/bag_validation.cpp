@@ -11,7 +11,9 @@
 
 #include <ros/message_traits.h>
 #include <ros/serialization.h>
+#include <sensor_msgs/Imu.h>
 #include <std_msgs/Header.h>
+#include <Eigen/Core>
 
 #include "devo/core/time.h"
 #include "devo/ros/bag_file.h"
@@ -80,6 +82,7 @@ class Validator {
     CheckEvents();
     CheckDepth();
     CheckOverlap();
+    CheckImu();
     CheckGroundTruth();
     CheckCalibration();
     Say("\n");
@@ -370,6 +373,43 @@ class Validator {
     if (share < 0.5) Warn("events and depth overlap for less than half of the events' time");
   }
 
+  void CheckImu() {
+    const std::string& topic = config_->topics.imu;
+    if (topic.empty()) return;
+    if (topics_.count(topic) == 0 || !Is<sensor_msgs::Imu>(topics_[topic])) {
+      Warn("topic '" + topic + "' (key 'topics.imu') " +
+           (topics_.count(topic) == 0 ? "is in none of the bags" : "has type " + topics_[topic].type) +
+           ": the odometry runs without it; expected sensor_msgs/Imu");
+      return;
+    }
+    Stamps stamps;
+    double acceleration = 0, fastest_rad_s = 0;
+    ForEachMessage(topic, [&](const BagTopic&, const ByteSpan& bytes) {
+      const auto sample = Deserialise<sensor_msgs::Imu>(bytes);
+      stamps.Add(FromRosTime(sample.header.stamp));
+      const auto& a = sample.linear_acceleration;
+      const auto& w = sample.angular_velocity;
+      acceleration += Eigen::Vector3d(a.x, a.y, a.z).norm();
+      fastest_rad_s = std::max(fastest_rad_s, Eigen::Vector3d(w.x, w.y, w.z).norm());
+      return true;
+    });
+    DescribeStamps("IMU " + topic, stamps);
+    acceleration /= static_cast<double>(std::max<std::size_t>(1, stamps.messages));
+    Say(Format("  acceleration %.2f m/s^2 on average, turns up to %.2f rad/s\n", acceleration, fastest_rad_s));
+    if (acceleration > 0.5 && acceleration < 2)
+      Warn("the IMU's accelerations look like multiples of g, expected m/s^2");
+    if (fastest_rad_s > 35) Warn("the IMU's turns look like degrees, expected rad/s (its driver's units)");
+    if (stamps.falling > 0) Warn(Format("%zu IMU samples are earlier than the one before", stamps.falling));
+    if (stamps.longest_gap_ns > NsFromSeconds(0.1)) {
+      Warn(Format("no IMU samples for %.2f s at %.3f s", SecondsFromNs(stamps.longest_gap_ns),
+                  SecondsFromNs(stamps.gap_at_ns)));
+    }
+    const bool apart = stamps.last_ns < event_stamps_.first_ns || stamps.first_ns > event_stamps_.last_ns;
+    if (event_stamps_.messages > 0 && apart) {
+      Warn("the IMU and the events do not overlap in time: their clocks differ, the IMU will not be used");
+    }
+  }
+
   void CheckGroundTruth() {
     const std::string& topic = config_->topics.ground_truth;
     if (topic.empty()) return;
@@ -387,14 +427,21 @@ class Validator {
       Warn("ground truth has gaps over 0.1 s: poses there are not evaluated");
   }
 
+  /// Where a camera's intrinsics come from, as BagReader takes them.
+  std::string SourceOf(const std::optional<Camera>& configured, const std::string& info_topic) const {
+    if (configured) return config_->calibration.path.empty() ? "configuration" : config_->calibration.path;
+    return "CameraInfo on " + info_topic;
+  }
+
   void CheckCalibration() {
     if (!problems_.empty()) return;  // the rig cannot be read without the topics
     try {
       BagReader reader(paths_, *config_);
       const Rig rig = reader.ReadRig();
       const Camera& camera = rig.event_camera;
-      Say(Format("event camera %dx%d, f %.1f %.1f, c %.1f %.1f, %zu distortion coefficients\n", camera.width(),
-                 camera.height(), camera.fx(), camera.fy(), camera.cx(), camera.cy(), camera.coefficients().size()));
+      Say(Format("event camera %dx%d, f %.1f %.1f, c %.1f %.1f, %zu distortion coefficients (%s)\n", camera.width(),
+                 camera.height(), camera.fx(), camera.fy(), camera.cx(), camera.cy(), camera.coefficients().size(),
+                 SourceOf(config_->event_camera, config_->topics.event_camera_info).c_str()));
       if (event_columns_ > camera.width() || event_rows_ > camera.height()) {
         Problem(Format("events reach x %d, y %d, outside the event camera's %dx%d: its calibration is another camera's",
                        event_columns_ - 1, event_rows_ - 1, camera.width(), camera.height()));
@@ -404,9 +451,11 @@ class Validator {
         const Eigen::Vector3d p = rig.T_event_depth.translation();
         Say(
             Format("depth camera %dx%d, f %.1f %.1f; at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by "
-                   "%.1f deg\n",
+                   "%.1f deg (%s; %s)\n",
                    depth.width(), depth.height(), depth.fx(), depth.fy(), p.x(), p.y(), p.z(),
-                   RotationAngle(rig.T_event_depth) * 57.29578));
+                   RotationAngle(rig.T_event_depth) * 57.29578,
+                   SourceOf(config_->depth_camera, config_->topics.depth_camera_info).c_str(),
+                   config_->T_event_depth ? "configuration" : "/tf_static"));
         if (p.norm() > 1) Warn("the cameras are more than 1 m apart: are the extrinsics in metres?");
       }
       if (depth_columns_ != depth.width() || depth_rows_ != depth.height()) {

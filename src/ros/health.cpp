@@ -7,6 +7,7 @@
 namespace devo {
 namespace {
 
+constexpr double kSilence_s = 3;
 constexpr int kTicksUntilWarning = 3;
 constexpr int kTicksBetweenWarnings = 30;
 constexpr int kTicksBetweenQuestions = 5;  // to the master, once it has been waited for longer
@@ -19,7 +20,7 @@ std::string DescribeTopic(const KnownTopics& known, const std::string& topic, co
   std::string same_type;
   for (const ros::master::TopicInfo& info : known) {
     if (info.name == topic) {
-      if (NameOfType(info.datatype) == type) return "it is advertised but nothing has come";
+      if (NameOfType(info.datatype) == type) return "it is advertised but nothing comes";
       return "it is published as " + info.datatype;
     }
     if (NameOfType(info.datatype) == type) same_type += (same_type.empty() ? "" : ", ") + info.name;
@@ -28,12 +29,19 @@ std::string DescribeTopic(const KnownTopics& known, const std::string& topic, co
   return "nobody publishes it; " + type + " topics that exist: " + same_type;
 }
 
-Input::Input(std::string role, std::string topic, std::string type)
-    : role_(std::move(role)), topic_(std::move(topic)), type_(std::move(type)) {}
+Input::Input(std::string role, std::string topic, std::string type, Kind kind)
+    : role_(std::move(role)), topic_(std::move(topic)), type_(std::move(type)), kind_(kind) {}
 
 void Input::Arrived(std::int64_t t_ns) {
   const std::lock_guard<std::mutex> lock(mutex_);
   rate_.Add(t_ns);
+  last_arrival_ = ros::WallTime::now();
+}
+
+bool Input::IsSilent() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (rate_.count() == 0) return true;
+  return kind_ == Kind::kSteady && (ros::WallTime::now() - last_arrival_).toSec() > kSilence_s;
 }
 
 bool Input::HasArrived() const {
@@ -42,9 +50,10 @@ bool Input::HasArrived() const {
 }
 
 std::string Input::MissingSentence(const KnownTopics& known) const {
-  if (HasArrived()) return "";
+  if (!IsSilent()) return "";
   if (topic_.empty()) return "No " + role_ + ": the configuration names no topic for it.";
-  return "No " + role_ + " on " + topic_ + " (" + type_ + "): " + DescribeTopic(known, topic_, type_) + ".";
+  return (HasArrived() ? "No more " : "No ") + role_ + " on " + topic_ + " (" + type_ +
+         "): " + DescribeTopic(known, topic_, type_) + ".";
 }
 
 void Input::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
@@ -54,11 +63,25 @@ void Input::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   status.addf(role_ + " rate (Hz of data time)", "%.1f", rate_.Hz());
 }
 
+void Failures::Add(const std::string& text) {
+  last_ = text;
+  last_time_ = ros::WallTime::now();
+  ++count_;
+}
+
+bool Failures::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
+  status.add("failures", count_);
+  const bool recent = count_ > 0 && (ros::WallTime::now() - last_time_).toSec() < shown_s_;
+  if (recent) status.summary(diagnostic_msgs::DiagnosticStatus::ERROR, last_);
+  return recent;
+}
+
 Health::Health(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
     : nh_(nh), private_nh_(private_nh), name_(private_nh.getNamespace()) {}
 
-std::shared_ptr<Input> Health::AddInput(const std::string& role, const std::string& topic, const std::string& type) {
-  inputs_.push_back(std::make_shared<Input>(role, topic, type));
+std::shared_ptr<Input> Health::AddInput(const std::string& role, const std::string& topic, const std::string& type,
+                                        Input::Kind kind) {
+  inputs_.push_back(std::make_shared<Input>(role, topic, type, kind));
   return inputs_.back();
 }
 
@@ -86,7 +109,7 @@ void Health::Report(diagnostic_updater::DiagnosticStatusWrapper& status) {
 std::vector<std::string> Health::MissingSentences() {
   const KnownTopics nothing_known;
   const bool complete =
-      std::all_of(inputs_.begin(), inputs_.end(), [](const auto& input) { return input->HasArrived(); }) &&
+      std::all_of(inputs_.begin(), inputs_.end(), [](const auto& input) { return !input->IsSilent(); }) &&
       std::all_of(missing_.begin(), missing_.end(), [&](const Missing& m) { return m(nothing_known).empty(); });
   if (complete) return {};
   if (ticks_missing_ > 2 * kTicksUntilWarning && ticks_missing_ % kTicksBetweenQuestions != 0) return sentences_;

@@ -24,6 +24,12 @@ constexpr double kBackwards_s = 0.1;
 // Depth this much older or newer than the surfaces is not of their time; it may be when they get there.
 constexpr double kDepthAge_s = 2, kDepthAhead_s = 1;
 constexpr std::size_t kMaxWaitingSurfaces = 32;
+// Depth is compared with the events twice per second; the figures are of the last ten seconds of motion.
+constexpr double kJudgePeriod_s = 0.5;
+constexpr std::size_t kJudgedImages = 20;
+// Of that many silhouettes at least, an aligned depth camera's meet edges clearly more often than places beside them.
+constexpr int kEnoughSilhouettes = 1000;
+constexpr double kMoreThanChance = 1.2;
 
 }  // namespace
 
@@ -37,8 +43,10 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   const std::string transport = ReadString(private_nh, "image_transport", "raw");
   map_file_ = ReadPath(private_nh, "map_file", "devo_map.pcd");
   depth_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "depth_queue_size", 10, 1, 1000));
-  RefuseUnknown(private_nh, {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "map_file",
-                             "image_transport", "depth_queue_size", "diagnostic_period"});
+  RefuseUnknown(private_nh, WithTunables(Module::kMapping,
+                                         {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose",
+                                          "map_file", "image_transport", "depth_queue_size", "diagnostic_period"}));
+  config_.odometry = ReadTunables(private_nh, Module::kMapping, config_.odometry);
   if (!event_frame.empty()) config_.frames.event = event_frame;
   const std::string depth_topic = InputTopic(nh_, "depth/image_raw", config_.topics.depth);
   if (depth_topic.empty()) throw std::invalid_argument("topics.depth is empty; expected the topic of the depth images");
@@ -68,6 +76,8 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
       depth_topic, static_cast<std::uint32_t>(depth_queue_size_),
       [this](const sensor_msgs::ImageConstPtr& image) { OnDepth(image); }, ros::VoidPtr(),
       image_transport::TransportHints(transport, ros::TransportHints(), private_nh_));
+  tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,
+                                         [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
   rig_->Start();
   health_.Start();
@@ -77,6 +87,7 @@ MappingNode::~MappingNode() {
   surface_subscriber_.shutdown();
   pose_subscriber_.shutdown();
   depth_subscriber_.shutdown();
+  tunables_.reset();
   save_service_.shutdown();
   worker_.reset();
 }
@@ -89,6 +100,12 @@ void MappingNode::OnRig(const ResolvedRig& rig) {
     T_odom_world_ = initial_pose_ * rig.T_event_base.value_or(Rigid3()).inverse();
   }
   worker_->Wake();
+}
+
+void MappingNode::OnOptions(const OdometryOptions& options) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  config_.odometry = options;
+  options_changed_ = true;
 }
 
 std::int64_t MappingNode::TimeOf(const sensor_msgs::Image& image) const {
@@ -152,6 +169,7 @@ bool MappingNode::Step() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_mapper_) mapper_ = std::move(new_mapper_);
     if (!mapper_ || answers_.empty()) return false;
+    if (std::exchange(options_changed_, false)) mapper_->SetOptions(config_.odometry);
     answer = answers_.front();
     answers_.pop_front();
     // Surfaces of an older epoch get no answer any more.
@@ -172,6 +190,7 @@ bool MappingNode::Step() {
     Feed(surfaces, *answer);
     const LocalMapPtr map = mapper_->Update();
     const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
+    if (mapper_->last_match().surface) JudgeAlignment(mapper_->last_match());
     if (mapper_->scene_depth().t_ns != scene_depth_ns_) {
       scene_depth_ns_ = mapper_->scene_depth().t_ns;
       scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
@@ -185,7 +204,7 @@ bool MappingNode::Step() {
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
-    failure_ = error.what();
+    failures_.Add(error.what());
   }
   return true;
 }
@@ -205,7 +224,7 @@ void MappingNode::AddDepth(const sensor_msgs::ImageConstPtr& image) {
     ROS_ERROR_STREAM_THROTTLE(10, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
     ++depth_refused_;
-    failure_ = error.what();
+    failures_.Add(error.what());
   }
 }
 
@@ -218,6 +237,20 @@ void MappingNode::Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEs
   for (const SurfaceConstPtr& surface : surfaces) mapper_->AddSurface(ToStd(surface));
   last_surface_ = surfaces.back();
   if (pose.state != TrackingState::kInitialising) mapper_->AddPose(pose);
+}
+
+void MappingNode::JudgeAlignment(const Mapper::Match& match) {
+  if (std::abs(SecondsFromNs(match.depth.t_ns - judged_ns_)) < kJudgePeriod_s || match.surface->still) return;
+  judged_ns_ = match.depth.t_ns;
+  const Camera camera = resolved_.rig.event_camera.Undistorted();
+  if (depth_rays_.empty()) depth_rays_ = RayTable(resolved_.rig.depth_camera);
+  const SilhouetteFit fit =
+      FitSilhouettes(ProjectSilhouettes(match.depth.depth_m, depth_rays_, match.T_event_depth, camera), *match.surface,
+                     match.velocity_event, camera);
+  if (fit.silhouettes == 0) return;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  alignment_.push_back(fit);
+  if (alignment_.size() > kJudgedImages) alignment_.pop_front();
 }
 
 void MappingNode::Publish(const LocalMapPtr& map) {
@@ -265,13 +298,24 @@ bool MappingNode::OnSaveMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Resp
 
 void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!failure_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, failure_);
+  if (failures_.Fill(status)) {
+    // its summary stays
   } else if (counters_.references == 0) {
     status.summary(DiagnosticStatus::WARN, "no reference yet");
   } else {
     status.summary(DiagnosticStatus::OK, "mapping");
   }
+  SilhouetteFit fit;
+  for (const SilhouetteFit& one : alignment_) fit += one;
+  if (fit.silhouettes >= kEnoughSilhouettes && fit.MatchedShare() < kMoreThanChance * fit.ChanceShare()) {
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        "silhouettes of the depth do not lie on edges of the events: check T_event_depth and "
+                        "depth_time_offset_s (devo_check_alignment)");
+  }
+  status.add("silhouettes of the depth that moved", fit.silhouettes);
+  status.addf("of these on an edge of the events (share)", "%.2f", fit.MatchedShare());
+  status.addf("on an edge by chance (share)", "%.2f", fit.ChanceShare());
+  status.addf("silhouettes to their edges, mean (px)", "%.2f", fit.MeanDistancePx());
   status.add("epoch", epoch_);
   status.add("references", counters_.references);
   status.add("points in the global map", global_map_.size());

@@ -84,18 +84,6 @@ void CheckSize(const sensor_msgs::Image& message, std::size_t bytes_per_pixel) {
 
 }  // namespace
 
-void AppendEvents(const EventArray& message, std::vector<Event>* events) {
-  events->reserve(events->size() + message.events.size());
-  for (const RawEvent& raw : message.events) {
-    Event event;
-    event.t_ns = FromRosTime(raw.ts);
-    event.x = raw.x;
-    event.y = raw.y;
-    event.polarity = raw.polarity != 0 ? 1 : 0;
-    events->push_back(event);
-  }
-}
-
 std::string AppendSerializedEvents(const std::uint8_t* bytes, std::size_t size, std::vector<Event>* events) {
   Cursor cursor(bytes, size);
   cursor.Take(12);  // header.seq, header.stamp
@@ -132,18 +120,18 @@ EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::s
   return message;
 }
 
-void EventPacketConverter::Append(const EventPacket& message, std::vector<Event>* events) {
-  if (message.is_bigendian) throw std::runtime_error("event packet is big-endian, expected little-endian words");
-  const bool restarted = decoder_ && (decoder_->encoding() != message.encoding || message.seq < last_seq_);
+void EventPacketConverter::Append(const View& packet, std::vector<Event>* events) {
+  if (packet.is_bigendian) throw std::runtime_error("event packet is big-endian, expected little-endian words");
+  const bool restarted = decoder_ && (decoder_->encoding() != packet.encoding || packet.seq < last_seq_);
   if (!decoder_ || restarted) {
-    decoder_.emplace(message.encoding);
+    decoder_.emplace(packet.encoding);
     offset_ns_.reset();
   }
-  last_seq_ = message.seq;
+  last_seq_ = packet.seq;
   const std::size_t begin = events->size();
-  decoder_->Decode(message.events.data(), message.events.size(), events);
+  decoder_->Decode(packet.bytes, packet.size, events);
   if (events->size() == begin) return;
-  if (!offset_ns_) offset_ns_ = FromRosTime(message.header.stamp) - (*events)[begin].t_ns;
+  if (!offset_ns_) offset_ns_ = FromRosTime(packet.stamp) - (*events)[begin].t_ns;
   std::for_each(events->begin() + static_cast<std::ptrdiff_t>(begin), events->end(),
                 [&](Event& event) { event.t_ns += *offset_ns_; });
 }

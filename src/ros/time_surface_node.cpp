@@ -33,11 +33,12 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
       max_backlog_s_(ReadDouble(private_nh, "max_backlog_s", 0.15, 0.01, 10)),
       reset_after_gap_s_(ReadDouble(private_nh, "reset_after_gap_s", 10, 0.5, 1e6)),
       max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 4000, 10, 1000000))),
-      period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), decoder_(std::make_unique<EventDecoder>()),
-      health_(nh, private_nh), image_transport_(nh) {
+      period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), health_(nh, private_nh), image_transport_(nh) {
   const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
-  RefuseUnknown(private_nh, {"config", "set", "max_backlog_s", "reset_after_gap_s", "max_queued_kevents",
-                             "event_queue_size", "diagnostic_period"});
+  RefuseUnknown(private_nh,
+                WithTunables(Module::kSurface, {"config", "set", "max_backlog_s", "reset_after_gap_s",
+                                                "max_queued_kevents", "event_queue_size", "diagnostic_period"}));
+  config_.odometry = ReadTunables(private_nh, Module::kSurface, config_.odometry);
   const std::string topic = InputTopic(nh_, "events", config_.topics.events);
   if (topic.empty()) throw std::invalid_argument("topics.events is empty; expected the topic of the events");
 
@@ -60,6 +61,8 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
                                                             const std::lock_guard<std::mutex> lock(mutex_);
                                                             scene_depth_ = depth;
                                                           }));
+  tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kSurface, config_.odometry,
+                                         [this](const OdometryOptions& options) { OnOptions(options); });
   services_.push_back(private_nh_.advertiseService("reset", &TimeSurfaceNode::OnReset, this));
   services_.push_back(private_nh_.advertiseService("pause", &TimeSurfaceNode::OnPause, this));
   rig_->Start();
@@ -67,11 +70,11 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
     if (paused_) return;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      queued_events_ += message.MostEvents();
+      queued_events_ += message.most_events;
       messages_.push_back(std::move(message));
       while (queued_events_ > max_queued_events_ && messages_.size() > 1) {
-        queued_events_ -= messages_.front().MostEvents();
-        dropped_events_ += messages_.front().MostEvents();
+        queued_events_ -= messages_.front().most_events;
+        dropped_events_ += messages_.front().most_events;
         messages_.pop_front();
       }
     }
@@ -88,6 +91,7 @@ TimeSurfaceNode::~TimeSurfaceNode() {
   pose_arrived_.notify_all();
   // No callback may find the worker gone.
   events_.reset();
+  tunables_.reset();
   pose_subscriber_.shutdown();
   scene_depth_subscriber_.shutdown();
   services_.clear();
@@ -95,13 +99,18 @@ TimeSurfaceNode::~TimeSurfaceNode() {
 }
 
 void TimeSurfaceNode::OnRig(const ResolvedRig& rig) {
-  auto builder = std::make_unique<SurfaceBuilder>(rig.rig.event_camera, config_.odometry.surface);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    new_builder_ = std::move(builder);
+    new_builder_ = std::make_unique<SurfaceBuilder>(rig.rig.event_camera, config_.odometry.surface);
     event_frame_ = rig.event_frame;
   }
   worker_->Wake();
+}
+
+void TimeSurfaceNode::OnOptions(const OdometryOptions& options) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  config_.odometry = options;
+  options_changed_ = true;
 }
 
 void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estimate) {
@@ -172,7 +181,7 @@ bool TimeSurfaceNode::Step() {
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
-    failure_ = error.what();
+    failures_.Add(error.what());
     return false;
   }
 }
@@ -187,6 +196,7 @@ void TimeSurfaceNode::TakeMessages() {
     queued_events_ = 0;
     std::swap(reset, reset_requested_);
     if (builder_) counters_ = builder_->counters();
+    if (builder_ && std::exchange(options_changed_, false)) builder_->SetOptions(config_.odometry.surface);
   }
   if (reset && builder_) {
     batches_.clear();
@@ -195,7 +205,7 @@ void TimeSurfaceNode::TakeMessages() {
   for (const EventMessage& message : messages) {
     Batch batch;
     batch.arrival = message.arrival;
-    decoder_->Append(message, &batch.events);
+    message.append(&packets_, &batch.events);
     if (batch.events.empty()) continue;
     // Within a message stamps may go back a little, too.
     if (!std::is_sorted(batch.events.begin(), batch.events.end(),
@@ -295,8 +305,8 @@ void TimeSurfaceNode::PublishImage(const Surface& surface) {
 
 void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!failure_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, failure_);
+  if (failures_.Fill(status)) {
+    // its summary stays
   } else if (surfaces_ == 0) {
     status.summary(DiagnosticStatus::WARN, "no surface yet");
   } else if (paused_) {

@@ -44,9 +44,12 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   surface_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "surface_queue_size", 4, 1, 1000));
   trajectory_max_poses_ =
       static_cast<std::size_t>(ReadInt(private_nh, "trajectory_max_poses", 1'440'000, 1, 100'000'000));
-  RefuseUnknown(private_nh, {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "publish_tf",
-                             "invert_tf", "path_min_distance_m", "trajectory_file", "save_at_shutdown",
-                             "surface_queue_size", "trajectory_max_poses", "diagnostic_period"});
+  RefuseUnknown(private_nh,
+                WithTunables(Module::kTracking,
+                             {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "publish_tf",
+                              "invert_tf", "path_min_distance_m", "trajectory_file", "save_at_shutdown",
+                              "surface_queue_size", "trajectory_max_poses", "diagnostic_period"}));
+  config_.odometry = ReadTunables(private_nh, Module::kTracking, config_.odometry);
   if (frames_.odom.empty())
     throw std::invalid_argument("parameter " + private_nh.resolveName("odom_frame") + " is empty");
   if (!frames_.event.empty()) config_.frames.event = frames_.event;
@@ -54,7 +57,8 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   tracked_pose_publisher_ = nh_.advertise<PoseEstimate>(topics::kTrackedPose, 8);
   reprojection_publisher_ = image_transport_.advertise(topics::kReprojectionImage, 2);
   surface_input_ = health_.AddInput("surfaces", nh_.resolveName(topics::kSurface), "TimeSurface");
-  map_input_ = health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap");
+  map_input_ =
+      health_.AddInput("local maps", nh_.resolveName(topics::kSemiDenseMap), "SemiDenseMap", Input::Kind::kOccasional);
   RigResolver::Need need;
   need.base_frame = frames_.base;
   const std::string imu_topic = InputTopic(nh_, "imu", config_.topics.imu);
@@ -80,6 +84,8 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   map_subscriber_ = nh_.subscribe<LocalMap>(topics::kSemiDenseMap, 4,
                                             boost::function<void(const boost::shared_ptr<const LocalMap>&)>(
                                                 [this](const boost::shared_ptr<const LocalMap>& map) { OnMap(map); }));
+  tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kTracking, config_.odometry,
+                                         [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_trajectory", &TrackingNode::OnSaveTrajectory, this);
   rig_->Start();
   health_.Start();
@@ -88,6 +94,7 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
 TrackingNode::~TrackingNode() {
   surface_subscriber_.shutdown();
   map_subscriber_.shutdown();
+  tunables_.reset();
   save_service_.shutdown();
   worker_.reset();
   if (!save_at_shutdown_) return;
@@ -112,6 +119,12 @@ void TrackingNode::OnRig(const ResolvedRig& rig) {
     camera_ = rig.rig.event_camera.Undistorted();
   }
   worker_->Wake();
+}
+
+void TrackingNode::OnOptions(const OdometryOptions& options) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  config_.odometry = options;
+  options_changed_ = true;
 }
 
 void TrackingNode::OnSurface(const SurfaceConstPtr& surface) {
@@ -143,6 +156,7 @@ bool TrackingNode::Step() {
       publisher_ = std::move(new_publisher_);
     }
     if (!tracker_ || surfaces_.empty()) return false;
+    if (std::exchange(options_changed_, false)) tracker_->SetOptions(config_.odometry);
     surface = surfaces_.front();
     surfaces_.pop_front();
     map.swap(new_map_);
@@ -168,7 +182,7 @@ bool TrackingNode::Step() {
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
-    failure_ = error.what();
+    failures_.Add(error.what());
   }
   return true;
 }
@@ -251,8 +265,8 @@ bool TrackingNode::OnSaveTrajectory(std_srvs::Trigger::Request&, std_srvs::Trigg
 
 void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!failure_.empty()) {
-    status.summary(DiagnosticStatus::ERROR, failure_);
+  if (failures_.Fill(status)) {
+    // its summary stays
   } else if (tracked_ + untracked_ == 0) {
     status.summary(DiagnosticStatus::WARN, "no data");
   } else {

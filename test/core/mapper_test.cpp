@@ -222,6 +222,20 @@ TEST(Mapper, ComposesTheLocalMapAnewWhenTheViewHasMovedOn) {
   EXPECT_NEAR(map->points[0].p_ref.z(), 2, 1e-3);
 }
 
+TEST(Mapper, ComposesTheLocalMapAnewWithOtherOptionsAndKeepsItsReferences) {
+  Mapper mapper = WithFirstReference();
+  EXPECT_FALSE(mapper.Update());
+  OdometryOptions fewer;
+  fewer.mapping.max_points = 100;
+  mapper.SetOptions(fewer);
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_LE(map->points.size(), 100U);
+  EXPECT_GT(map->points.size(), 50U);
+  EXPECT_THAT(mapper.GlobalMap(), SizeIs(400));
+  EXPECT_FALSE(mapper.Update()) << "once is enough";
+}
+
 TEST(Mapper, ForgetsItsMapWhenASurfaceOfANewEpochComes) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(10 * kMs, Edges(300, 16), 1));

@@ -274,5 +274,16 @@ TEST(NoiseFilter, ForgetsEverythingOnReset) {
   EXPECT_TRUE(filter.Pass(At(302 * kMs, 8, 8)));
 }
 
+TEST(NoiseFilter, TakesOtherCriteriaFromTheNextEventOn) {
+  NoiseFilter filter(32, 24, 0.01, 1, 0);
+  EXPECT_FALSE(filter.Pass({1'000'000, 10, 10, 1}));
+  filter.SetCriteria(0.01, 0, 0);
+  EXPECT_TRUE(filter.Pass({2'000'000, 20, 20, 1}));  // alone
+  filter.SetCriteria(0.001, 1, 0);
+  EXPECT_FALSE(filter.Pass({3'000'000, 5, 5, 1}));
+  EXPECT_FALSE(filter.Pass({5'000'000, 6, 5, 1}));  // its neighbour fired, but 2 ms ago
+  EXPECT_TRUE(filter.Pass({5'500'000, 7, 5, 1}));
+}
+
 }  // namespace
 }  // namespace devo

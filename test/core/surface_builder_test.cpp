@@ -266,6 +266,25 @@ TEST(SurfaceBuilder, StartsANewEpochOnResetAndTakesOlderEventsThen) {
   EXPECT_EQ(builder.counters().unordered, 0U);
 }
 
+TEST(SurfaceBuilder, TakesOtherOptionsWithoutForgettingItsEvents) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0, 0));
+  SurfaceOptions other = WithoutFilter();
+  other.max_window_s = 0.01;
+  other.crest_quantile = 0.8;
+  const auto expected = SurfaceOf(edge.Events(), edge.velocity, 2, other);
+  SurfaceBuilder builder(TestCamera(), WithoutFilter());
+  builder.Insert(edge.Events());
+  builder.SetOptions(other);
+  SceneDepth depth;
+  depth.median_m = 2;
+  const auto surface = builder.Render(kT_ns, edge.velocity, depth);
+  EXPECT_EQ(surface->epoch, 0U);
+  EXPECT_LE(surface->window_s, 0.01);
+  EXPECT_FALSE(surface->edges.empty());
+  EXPECT_EQ(cv::countNonZero(surface->image != expected->image), 0);
+  EXPECT_EQ(surface->edges.size(), expected->edges.size());
+}
+
 TEST(SurfaceBuilder, DoesNotChangeASurfaceThatIsStillHeld) {
   SurfaceBuilder builder(TestCamera(), WithoutFilter());
   const auto events = EdgeUnder(Twist(2, 0, 0, 0, 0, 0)).Events();

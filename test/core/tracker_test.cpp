@@ -142,6 +142,18 @@ TEST(Tracker, ContinuesThePoseOfTheEdgesToTheTimeOfTheSurface) {
   EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
 }
 
+TEST(Tracker, TakesOtherOptionsWithoutLosingItsTrack) {
+  const auto tracker = Moving();
+  OdometryOptions hasty;
+  hasty.tracking.max_iterations = 1;
+  tracker->SetOptions(hasty);
+  const auto pose = tracker->Track(Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns)));
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->iterations, 1);
+  EXPECT_EQ(pose->state, TrackingState::kTracking);
+  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+}
+
 TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
   // Events grow fewer over several surfaces, as when a camera slows down.
   const auto tracker = Moving();

@@ -21,6 +21,18 @@ def program(name):
     return found[0]
 
 
+def documented_options():
+    """Key to (min, max, default, meaning) of every numeric option, as devo_offline documents them."""
+    table = subprocess.check_output([program("devo_offline"), "--print-parameters"], universal_newlines=True)
+    options = {}
+    for line in table.splitlines():
+        cells = [cell.strip().strip("`") for cell in line.strip("|").split("|")]
+        if len(cells) == 4 and " to " in cells[2]:
+            low, high = cells[2].split(" to ")
+            options[cells[0]] = (float(low), float(high), float(cells[1]), cells[3])
+    return options
+
+
 def run_offline(config, bag, out, overrides=()):
     """Trajectory file of the offline runner on the same bag."""
     command = [program("devo_offline"), "--config", config, "--bag", bag, "--out", out]

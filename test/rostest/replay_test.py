@@ -11,10 +11,12 @@ import unittest
 
 import rospy
 import rostest
+from dynamic_reconfigure.client import Client
+from rosgraph_msgs.msg import Log
 from std_srvs.srv import SetBool, Trigger
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from devo_testing import Record, evaluate, run_offline, write_tum  # noqa: E402
+from devo_testing import Record, documented_options, evaluate, run_offline, write_tum  # noqa: E402
 
 
 class ReplayTest(unittest.TestCase):
@@ -101,6 +103,17 @@ class ReplayTest(unittest.TestCase):
         inputs = self.record.diagnostic("mapping: inputs")
         self.assertEqual(inputs["message"], "all inputs arrive")
 
+    def test_diagnostics_judge_how_depth_lies_on_the_events(self):
+        mapping = self.record.diagnostic(": mapping")
+        share, chance = (float(mapping[key]) for key in ("of these on an edge of the events (share)",
+                                                         "on an edge by chance (share)"))
+        print("%s silhouettes, %.2f on an edge (%.2f by chance), %s px away" % (
+            mapping["silhouettes of the depth that moved"], share, chance,
+            mapping["silhouettes to their edges, mean (px)"]))
+        self.assertGreater(int(mapping["silhouettes of the depth that moved"]), 500)
+        self.assertGreater(share, 1.5 * chance)
+        self.assertLess(float(mapping["silhouettes to their edges, mean (px)"]), 1.5)
+
     def test_samples_of_the_imu_arrive_in_the_event_frame(self):
         tracking = self.record.diagnostic(": tracking")
         print("IMU samples: %s accepted, %s without a transform" % (
@@ -124,6 +137,66 @@ class ReplayTest(unittest.TestCase):
         while len(self.record.status) == before and time.time() < deadline:
             time.sleep(0.1)
         self.assertGreater(len(self.record.status), before)
+
+    def await_status(self, condition, timeout=15):
+        """The first status from now on that meets the condition."""
+        begin, deadline = len(self.record.status), time.time() + timeout
+        while time.time() < deadline:
+            for status in list(self.record.status)[begin:]:
+                if condition(status):
+                    return status
+            time.sleep(0.02)
+        self.fail("no such status in %d s" % timeout)
+
+    def test_each_module_offers_its_options_with_the_ranges_and_defaults_of_the_documentation(self):
+        options = documented_options()
+        for module in ("surface", "mapping", "tracking"):
+            client = Client("/devo/" + module, timeout=10)
+            parameters = client.get_parameter_descriptions()
+            self.assertGreaterEqual(len(parameters), 4)
+            for parameter in parameters:
+                low, high, default, meaning = options["%s.%s" % (module, parameter["name"])]
+                self.assertAlmostEqual(parameter["min"], low)
+                self.assertAlmostEqual(parameter["max"], high)
+                self.assertAlmostEqual(parameter["default"], default)
+                self.assertEqual(parameter["description"], meaning)
+            client.close()
+
+    def test_options_of_mapping_and_of_the_surface_act_on_the_running_odometry_without_a_reset(self):
+        for module, option, value, acts in (("mapping", "max_points", 300, lambda s: 0 < s.points_used <= 300),
+                                            ("surface", "still_activity_hz", 1000, lambda s: s.still)):
+            client = Client("/devo/" + module, timeout=10)
+            usual = client.get_configuration()[option]
+            for _ in range(4):
+                before = self.await_status(lambda s: s.state_name == "tracking" and not acts(s))
+                self.assertEqual(client.update_configuration({option: value})[option], value)
+                after = self.await_status(acts)
+                client.update_configuration({option: usual})
+                if after.epoch == before.epoch:  # else the bag has just begun anew
+                    break
+            self.assertEqual(after.epoch, before.epoch)
+            self.assertIn(after.state_name, ("tracking", "degraded"))
+            self.await_status(lambda s: s.state_name == "tracking" and not acts(s))
+            client.close()
+
+    def test_options_that_are_invalid_are_refused_with_the_key_named(self):
+        log = []
+        subscriber = rospy.Subscriber("/rosout", Log, log.append)
+        for module, options, words in (
+                ("surface", {"noise_neighbours": 99}, "surface.noise_neighbours is 99, expected a number from 0 to 8"),
+                ("mapping", {"max_depth_m": 0.5, "min_depth_m": 2.0, "max_points": 77}, "mapping.min_depth_m is 2")):
+            client = Client("/devo/" + module, timeout=10)
+            before = client.get_configuration()
+            answer = client.update_configuration(options)
+            for option in options:
+                self.assertEqual(answer[option], before[option], option)
+                self.assertEqual(rospy.get_param("/devo/%s/%s" % (module, option)), before[option])
+            deadline = time.time() + 5
+            while not any(words in m.msg for m in list(log)) and time.time() < deadline:
+                time.sleep(0.05)
+            self.assertTrue(any(words in m.msg for m in list(log)), [m.msg for m in log])
+            client.close()
+        subscriber.unregister()
 
     def test_reset_begins_a_new_epoch(self):
         before = self.record.epoch()

@@ -5,11 +5,25 @@
 #include <nodelet/loader.h>
 #include <ros/ros.h>
 
+#include <algorithm>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "devo/EventArray.h"
+#include "devo/EventPacket.h"
 #include "devo/ros/core_messages.h"
+#include "devo/ros/event_source.h"
 #include "devo/ros/topics.h"
+#ifdef DEVO_WITH_DVS_MSGS
+#include <dvs_msgs/EventArray.h>
+#endif
+#ifdef DEVO_WITH_PROPHESEE_EVENT_MSGS
+#include <prophesee_event_msgs/EventArray.h>
+#endif
+#ifdef DEVO_WITH_EVENT_CAMERA_MSGS
+#include <event_camera_msgs/EventPacket.h>
+#endif
 
 namespace devo {
 namespace {
@@ -71,6 +85,46 @@ TEST(ZeroCopy, AnotherTypeOfTheSameLayoutGetsACopyOfTheContent) {
   ASSERT_TRUE(SpinUntil([&] { return received != nullptr; }));
   EXPECT_EQ(received->stamp.toNSec(), 1'234'567'890U);
   EXPECT_EQ(received->image, std::vector<std::uint8_t>(6, 9));
+}
+
+/// The message types of the drivers for which this was built, and this package's own.
+using DriverTypes = testing::Types<EventArray, EventPacket
+#ifdef DEVO_WITH_DVS_MSGS
+                                   ,
+                                   dvs_msgs::EventArray
+#endif
+#ifdef DEVO_WITH_PROPHESEE_EVENT_MSGS
+                                   ,
+                                   prophesee_event_msgs::EventArray
+#endif
+#ifdef DEVO_WITH_EVENT_CAMERA_MSGS
+                                   ,
+                                   event_camera_msgs::EventPacket
+#endif
+                                   >;
+template <typename Message>
+struct DriverMessages : testing::Test {};
+TYPED_TEST_SUITE(DriverMessages, DriverTypes);
+
+TYPED_TEST(DriverMessages, ReachTheEventSourceAsTheObjectThatTheDriverPublished) {
+  ros::NodeHandle nh;
+  const std::string type = ros::message_traits::DataType<TypeParam>::value();
+  std::string topic = "/driver/" + type;
+  std::replace(topic.begin() + 1, topic.end(), '/', '_');
+  std::vector<EventMessage> received;
+  // The driver comes later: until then the source cannot know its type.
+  const EventSource source(nh, topic, 10, [&](EventMessage message) { received.push_back(std::move(message)); });
+  ros::Publisher driver = nh.advertise<TypeParam>(topic, 10);
+  const auto message = boost::make_shared<TypeParam>();
+  message->width = 7;
+  ASSERT_TRUE(SpinUntil([&] {
+    driver.publish(boost::shared_ptr<const TypeParam>(message));
+    ros::WallDuration(0.02).sleep();
+    ros::spinOnce();
+    // Those that came before the source knew are copies.
+    return !received.empty() && received.back().message.get() == message.get();
+  })) << type
+      << ", after " << received.size() << " messages";
 }
 
 /// Events of a bright dot that wanders over a 32x24 image, 10 ms each.

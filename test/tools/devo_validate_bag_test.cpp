@@ -7,6 +7,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sensor_msgs/Imu.h>
 
 #include "tools/tiny_bag.h"
 
@@ -35,9 +36,11 @@ TEST_F(DevoValidateBag, DescribesAGoodRecording) {
   TinyRecording().Write(bag_);
   const ProgramResult result = Run(config_);
   EXPECT_EQ(result.status, 0) << result.out << result.err;
-  EXPECT_THAT(result.out, AllOf(HasSubstr("20 images 240x180 16UC1"), HasSubstr("median depth from 1.00 to 1.00 m"),
-                                HasSubstr("event camera 240x180, f 200.0"), HasSubstr("events and depth overlap"),
-                                HasSubstr("The odometry can use this recording.")));
+  EXPECT_THAT(result.out,
+              AllOf(HasSubstr("20 images 240x180 16UC1"), HasSubstr("median depth from 1.00 to 1.00 m"),
+                    HasSubstr("event camera 240x180, f 200.0"), HasSubstr("(CameraInfo on /event_info)"),
+                    HasSubstr("(CameraInfo on /depth_info; /tf_static)"), HasSubstr("events and depth overlap"),
+                    HasSubstr("The odometry can use this recording.")));
   EXPECT_THAT(result.out, Not(HasSubstr("PROBLEM")));
 }
 
@@ -73,6 +76,25 @@ TEST_F(DevoValidateBag, SaysThatTheClocksDiffer) {
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.out, AllOf(HasSubstr("do not overlap in time: their clocks differ by about -50."),
                                 HasSubstr("'depth_time_offset_s'")));
+}
+
+TEST_F(DevoValidateBag, SaysThatTheImuHasAnotherUnitOrIsNotThere) {
+  TinyRecording().Write(bag_);
+  EXPECT_THAT(Run(config_ + " topics.imu=/imu").out, HasSubstr("WARNING: topic '/imu' (key 'topics.imu') is in none"));
+  {
+    rosbag::Bag bag(bag_, rosbag::bagmode::Append);
+    for (int i = 0; i < 100; ++i) {
+      sensor_msgs::Imu sample;
+      sample.header.stamp = ToRosTime(TinyScene().begin_ns + i * 10'000'000LL);
+      sample.linear_acceleration.z = 1;
+      sample.angular_velocity.x = 90;
+      bag.write("/imu", sample.header.stamp, sample);
+    }
+  }
+  const ProgramResult result = Run(config_ + " topics.imu=/imu");
+  EXPECT_EQ(result.status, 0) << result.out;  // it serves without
+  EXPECT_THAT(result.out, AllOf(HasSubstr("IMU /imu: 100.0 messages per second"), HasSubstr("multiples of g"),
+                                HasSubstr("look like degrees")));
 }
 
 TEST_F(DevoValidateBag, SaysThatTheCalibrationIsAnotherCameras) {

@@ -23,6 +23,8 @@ class DepthRegistration {
   /// `event_camera` is the undistorted event image's camera.
   DepthRegistration(const Camera& event_camera, const Camera& depth_camera, const MappingOptions& options);
 
+  void SetOptions(const MappingOptions& options) { options_ = options; }
+
   /// Warps the readings (paper eq. 2 and 3). `T_event_depth` maps points from the depth camera at its time to
   /// the event camera at the surface's time (extrinsics and the motion in between). Readings near the
   /// `edges` are listed for DepthAt; all enter the scene's depth. Returns the number of valid readings.

@@ -27,6 +27,9 @@ class Mapper {
  public:
   Mapper(const Rig& rig, const OdometryOptions& options);
 
+  /// Other options from the next depth image on; the references stay. The next Update composes the local map anew.
+  void SetOptions(const OdometryOptions& options);
+
   void AddSurface(SurfacePtr surface);
   void AddPose(const PoseEstimate& pose);
   void AddDepth(const DepthImage& depth);
@@ -36,6 +39,16 @@ class Mapper {
   LocalMapPtr Update();
 
   const SceneDepth& scene_depth() const { return scene_depth_; }
+
+  /// A depth image, the surface that it met and how they lie to each other: what tells whether depth fits the events.
+  struct Match {
+    DepthImage depth;
+    SurfacePtr surface;
+    Rigid3 T_event_depth;  ///< from the depth camera at its time to the event camera at the surface's t_edges_ns
+    Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s
+  };
+  /// The last one; `surface` is null before there is one.
+  const Match& last_match() const { return last_match_; }
 
   /// All points of all references, frame `world`.
   std::vector<MapPoint> GlobalMap() const { return map_.AllPoints(); }
@@ -71,8 +84,10 @@ class Mapper {
   bool trackable_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
+  bool options_changed_ = false;                    // since the last local map
   int local_maps_ = 0;
   SceneDepth scene_depth_;
+  Match last_match_;
   std::uint64_t epoch_ = 0;
   Counters counters_;
 };

@@ -24,6 +24,8 @@ class MotionFilter {
  public:
   explicit MotionFilter(const TrackingOptions& options) : options_(options) {}
 
+  void SetOptions(const TrackingOptions& options) { options_ = options; }
+
   /// Starts at rest (to within a walking pace and a slow turn) at a pose known to a millimetre and milliradian. What is
   /// known of gravity and biases stays.
   void Start(std::int64_t t_ns, const Rigid3& T_world_event);

@@ -29,6 +29,9 @@ class NoiseFilter {
     return Pass(EventSpan(&event, 1), &position) > 0;
   }
 
+  /// Other criteria from the next event on, as in the constructor; what was learnt of noise and hot pixels stays.
+  void SetCriteria(double window_s, int min_neighbours, double hot_factor);
+
   void Reset();
   int hot_pixels() const { return hot_pixels_; }
 

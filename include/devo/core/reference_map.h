@@ -24,6 +24,8 @@ class ReferenceMap {
   /// `camera`: of the undistorted event image.
   ReferenceMap(const Camera& camera, const MappingOptions& options);
 
+  void SetOptions(const MappingOptions& options) { options_ = options; }
+
   /// Depth of what is nearest in cells of the event image, at a known pose: hides the points behind it.
   struct Occluder {
     Rigid3 T_world_event;

@@ -23,6 +23,8 @@ class Relocalizer {
   /// `camera`: of the undistorted event image.
   Relocalizer(const Camera& camera, const OdometryOptions& options) : camera_(camera), options_(options) {}
 
+  void SetOptions(const OdometryOptions& options) { options_ = options; }
+
   /// Keeps the map as a place to return to, unless a kept one was made from nearly the same view.
   void Remember(const LocalMapPtr& map);
 

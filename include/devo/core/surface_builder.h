@@ -23,6 +23,10 @@ class SurfaceBuilder {
   SurfaceBuilder(const Camera& event_camera, const SurfaceOptions& options);
   ~SurfaceBuilder();
 
+  /// Other options from the next surface on; events so far stay. `method` and `event_share`, which decide what is
+  /// kept of the events, remain those of the constructor.
+  void SetOptions(const SurfaceOptions& options);
+
   /// Consecutive events. Those outside the image or older than the last one are counted and left out. At
   /// rates beyond what a surface uses only the newest are kept, so that the cost stays flat.
   void Insert(EventSpan events);

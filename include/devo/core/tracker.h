@@ -26,6 +26,9 @@ class Tracker {
   /// `event_camera`: as calibrated; the tracker works in its undistorted image.
   Tracker(const Camera& event_camera, const OdometryOptions& options);
 
+  /// Other options from the next surface on; map and motion so far stay.
+  void SetOptions(const OdometryOptions& options);
+
   /// The map to register to from now on. Maps of another epoch than the surfaces' are ignored.
   void SetMap(LocalMapPtr map);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The events topic, whichever of the two message layouts it carries.
+// The events topic, whichever of the message layouts it carries, in whichever package's C++ type.
 #pragma once
 
 #include <functional>
@@ -8,50 +8,43 @@
 #include <vector>
 
 #include <ros/node_handle.h>
+#include <boost/shared_ptr.hpp>
 
-#include "devo/EventArray.h"
-#include "devo/EventPacket.h"
 #include "devo/ros/message_conversion.h"
 
 namespace devo {
 
-/// A message as it came, shared with its publisher: exactly one of the two is set.
+/// A message as it came, shared with its publisher.
 struct EventMessage {
-  EventArrayConstPtr array;
-  EventPacketConstPtr packet;
+  boost::shared_ptr<const void> message;
+  /// Events in it; for packets, which are compressed, the most that its bytes can hold.
+  std::size_t most_events = 0;
+  /// Appends its events. `packets` keeps what decoding packets needs of those before. Throws std::runtime_error naming
+  /// an encoding that is not known.
+  std::function<void(EventPacketConverter* packets, std::vector<Event>* events)> append;
   ros::WallTime arrival;
-
-  /// Events in the message; for packets, which are compressed, the most that its bytes can hold.
-  std::size_t MostEvents() const;
 };
 
-/// Messages to events; keeps the state that packets need.
-class EventDecoder {
- public:
-  /// Appends the message's events. Throws std::runtime_error naming an encoding that is not known.
-  void Append(const EventMessage& message, std::vector<Event>* events);
+struct EventMessageType;
 
- private:
-  EventPacketConverter packets_;
-};
-
-/// Subscribes to EventArray, or to EventPacket where the master says that the topic has that type (also when its
-/// publisher starts later).
+/// Subscribes in the C++ type of the topic's publisher, as the master names it (also when the publisher starts later),
+/// so that within one process its object comes without a copy: EventArray and EventPacket of this package and, where
+/// they were there when this was built, of dvs_msgs, prophesee_event_msgs and event_camera_msgs. Any other package's
+/// messages of the same md5 come as this package's.
 class EventSource {
  public:
   EventSource(const ros::NodeHandle& nh, const std::string& topic, int queue_size,
               std::function<void(EventMessage)> on_message);
 
  private:
-  void SubscribeTo(bool packets);
+  void Subscribe(const EventMessageType& type);
   void CheckType();
 
   ros::NodeHandle nh_;
   std::string topic_;
   int queue_size_;
   std::function<void(EventMessage)> on_message_;
-  bool packets_ = false;
-  bool arrived_ = false;
+  std::string type_;  // subscribed
   ros::Subscriber subscriber_;
   ros::WallTimer timer_;
 };

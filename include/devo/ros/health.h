@@ -22,26 +22,51 @@ namespace devo {
 using KnownTopics = ros::master::V_TopicInfo;
 
 /// What the master says about a topic, as the end of a sentence: "nobody publishes it; EventArray topics that exist:
-/// /dvs/events" or "it is advertised but nothing has come". `type`: name without package, such as "EventArray".
+/// /dvs/events" or "it is advertised but nothing comes". `type`: name without package, such as "EventArray".
 std::string DescribeTopic(const KnownTopics& known, const std::string& topic, const std::string& type);
 
 /// One subscribed topic. Arrivals may be reported from any thread.
 class Input {
  public:
-  Input(std::string role, std::string topic, std::string type);
+  /// Of a `kSteady` input silence is reported also when it has arrived before; a `kOccasional` one may fall silent.
+  enum class Kind { kSteady, kOccasional };
+
+  Input(std::string role, std::string topic, std::string type, Kind kind);
 
   /// `t_ns`: data time of the message.
   void Arrived(std::int64_t t_ns);
   bool HasArrived() const;
 
-  /// "No events: ..." while nothing has come, else empty.
+  /// Nothing has come for 3 s of wall time (or ever).
+  bool IsSilent() const;
+
+  /// "No events ..." while nothing has come, "No more events ..." when a steady input has fallen silent, else empty.
   std::string MissingSentence(const KnownTopics& known) const;
   void Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
 
  private:
   std::string role_, topic_, type_;
+  Kind kind_;
+  ros::WallTime last_arrival_;
   mutable std::mutex mutex_;
   RateMeter rate_;
+};
+
+/// What went wrong while running, for a status: named for some seconds of wall time, counted for good. Not thread-safe.
+class Failures {
+ public:
+  explicit Failures(double shown_s = 10) : shown_s_(shown_s) {}
+
+  void Add(const std::string& text);
+
+  /// The last one as the status' summary, if it is recent, and their number. Returns whether it was recent.
+  bool Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
+
+ private:
+  double shown_s_;
+  std::string last_;
+  ros::WallTime last_time_;
+  std::uint64_t count_ = 0;
 };
 
 class Health {
@@ -52,8 +77,9 @@ class Health {
   /// Reports once per second of wall time, also while no data and no clock comes.
   Health(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
 
-  /// An input whose absence is reported: at once in /diagnostics, after 3 s in the log.
-  std::shared_ptr<Input> AddInput(const std::string& role, const std::string& topic, const std::string& type);
+  /// An input whose absence, or later silence, is reported: at once in /diagnostics, after 3 s in the log.
+  std::shared_ptr<Input> AddInput(const std::string& role, const std::string& topic, const std::string& type,
+                                  Input::Kind kind = Input::Kind::kSteady);
 
   /// Sentences about other things that are missing (calibration, transformations).
   void AddMissing(Missing missing);

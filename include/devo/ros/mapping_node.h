@@ -15,9 +15,11 @@
 #include <std_srvs/Trigger.h>
 
 #include "devo/core/mapper.h"
+#include "devo/core/silhouettes.h"
 #include "devo/ros/core_messages.h"
 #include "devo/ros/health.h"
 #include "devo/ros/rig_resolver.h"
+#include "devo/ros/tunables.h"
 #include "devo/ros/worker.h"
 
 namespace devo {
@@ -35,6 +37,7 @@ class MappingNode {
   using PoseConstPtr = boost::shared_ptr<const PoseEstimate>;
 
   void OnRig(const ResolvedRig& rig);
+  void OnOptions(const OdometryOptions& options);
   void OnSurface(const SurfaceConstPtr& surface);
   void OnPose(const PoseConstPtr& pose);
   void OnDepth(const sensor_msgs::ImageConstPtr& image);
@@ -47,6 +50,7 @@ class MappingNode {
   std::deque<sensor_msgs::ImageConstPtr> TakeDepth();
   void AddDepth(const sensor_msgs::ImageConstPtr& image);
   void Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEstimate& pose);
+  void JudgeAlignment(const Mapper::Match& match);
   void Publish(const LocalMapPtr& map);
   void PublishGlobalMap();
   void DrawDepthOverlay(const DepthImage& depth);
@@ -66,12 +70,14 @@ class MappingNode {
   std::int64_t last_depth_ns_ = 0;
   std::uint64_t surfaces_dropped_ = 0, depth_dropped_ = 0, depth_refused_ = 0;
   std::unique_ptr<Mapper> new_mapper_;
+  bool options_changed_ = false;  // in config_.odometry, until the worker's mapper has them
   ResolvedRig resolved_;
   Rigid3 T_odom_world_;
   Mapper::Counters counters_;
   SceneDepth scene_depth_;
+  std::deque<SilhouetteFit> alignment_;  // of the last depth images that were judged
   Quantiles mapping_ms_;
-  std::string failure_;
+  Failures failures_;
   std::vector<MapPoint> global_map_;  // frame `world`
   std::uint64_t epoch_ = 0;
   std::int64_t surface_ns_ = 0;  // newest surface given to the mapper
@@ -80,6 +86,8 @@ class MappingNode {
   std::unique_ptr<Mapper> mapper_;
   SurfaceConstPtr last_surface_;
   std::int64_t scene_depth_ns_ = 0;
+  std::int64_t judged_ns_ = 0;  // depth image whose alignment was judged last
+  cv::Mat2f depth_rays_;
   bool global_map_wanted_ = false;
 
   Health health_;
@@ -90,6 +98,7 @@ class MappingNode {
   image_transport::Subscriber depth_subscriber_;
   ros::Publisher map_publisher_, scene_depth_publisher_, local_cloud_publisher_, global_cloud_publisher_;
   ros::Subscriber surface_subscriber_, pose_subscriber_;
+  std::unique_ptr<Tunables> tunables_;
   ros::ServiceServer save_service_;
   std::unique_ptr<Worker> worker_;  // last: joined before anything that it uses goes
 };

@@ -24,8 +24,20 @@
 
 namespace devo {
 
-/// Appends the events of a message, with their own stamps.
-void AppendEvents(const EventArray& message, std::vector<Event>* events);
+/// Appends the events of a message, with their own stamps. `Array`: EventArray of this package or another's of the same
+/// layout.
+template <typename Array>
+void AppendEvents(const Array& message, std::vector<Event>* events) {
+  events->reserve(events->size() + message.events.size());
+  for (const auto& raw : message.events) {
+    Event event;
+    event.t_ns = static_cast<std::int64_t>(raw.ts.toNSec());
+    event.x = raw.x;
+    event.y = raw.y;
+    event.polarity = raw.polarity != 0 ? 1 : 0;
+    events->push_back(event);
+  }
+}
 
 /// The same from a serialised EventArray (of dvs_msgs, prophesee_event_msgs or devo) without making the message: one
 /// copy from the bag's bytes to the events. Returns the header's frame_id. Throws std::runtime_error when the bytes are
@@ -40,12 +52,28 @@ EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::s
 /// restarted (encoding or size changes, sequence number falls) is put on the host's clock anew.
 class EventPacketConverter {
  public:
-  /// Throws std::runtime_error naming an encoding that is not evt3 or evt2, or big-endian packets.
-  void Append(const EventPacket& message, std::vector<Event>* events);
+  /// `Packet`: EventPacket of this package or another's of the same layout. Throws std::runtime_error naming an
+  /// encoding that is not evt3 or evt2, or big-endian packets.
+  template <typename Packet>
+  void Append(const Packet& message, std::vector<Event>* events) {
+    Append({message.header.stamp, message.seq, message.encoding, message.is_bigendian != 0, message.events.data(),
+            message.events.size()},
+           events);
+  }
 
   const EvtDecoder* decoder() const { return decoder_ ? &*decoder_ : nullptr; }
 
  private:
+  struct View {
+    ros::Time stamp;
+    std::uint64_t seq;
+    const std::string& encoding;
+    bool is_bigendian;
+    const std::uint8_t* bytes;
+    std::size_t size;
+  };
+  void Append(const View& packet, std::vector<Event>* events);
+
   std::optional<EvtDecoder> decoder_;
   std::optional<std::int64_t> offset_ns_;
   std::uint64_t last_seq_ = 0;

@@ -28,7 +28,7 @@ std::string ReadPath(const ros::NodeHandle& private_nh, const std::string& key, 
 Rigid3 ReadPose(const ros::NodeHandle& private_nh, const std::string& key, const Rigid3& fallback);
 
 /// Throws std::invalid_argument naming the first private parameter that is none of `known` (a typo would otherwise
-/// leave the default in force without a word). Parameters of dynamic_reconfigure are listed in `known` too.
+/// leave the default in force without a word). See WithTunables.
 void RefuseUnknown(const ros::NodeHandle& private_nh, const std::vector<std::string>& known);
 
 /// The rig and options that parameter `config` (one path, or several separated by commas; later ones override

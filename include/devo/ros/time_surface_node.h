@@ -22,6 +22,7 @@
 #include "devo/ros/event_source.h"
 #include "devo/ros/health.h"
 #include "devo/ros/rig_resolver.h"
+#include "devo/ros/tunables.h"
 #include "devo/ros/worker.h"
 
 namespace devo {
@@ -48,6 +49,7 @@ class TimeSurfaceNode {
 
   // Callbacks.
   void OnRig(const ResolvedRig& rig);
+  void OnOptions(const OdometryOptions& options);
   void OnPose(const boost::shared_ptr<const PoseEstimate>& estimate);
   bool OnReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool OnPause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
@@ -86,13 +88,14 @@ class TimeSurfaceNode {
   double event_rate_hz_ = 0;
   std::string event_frame_;  // set once, before the worker gets its builder
   bool reset_requested_ = false;
+  bool options_changed_ = false;  // in config_.odometry, until the worker's builder has them
   bool closing_ = false;
-  std::string failure_;
+  Failures failures_;
   std::atomic<bool> paused_{false};
 
   // The worker's own.
   std::unique_ptr<SurfaceBuilder> builder_;
-  std::unique_ptr<EventDecoder> decoder_;
+  EventPacketConverter packets_;
   std::deque<Batch> batches_;
   std::int64_t newest_event_ns_ = 0;
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event
@@ -108,6 +111,7 @@ class TimeSurfaceNode {
   image_transport::Publisher image_publisher_;
   ros::Publisher surface_publisher_;
   ros::Subscriber pose_subscriber_, scene_depth_subscriber_;
+  std::unique_ptr<Tunables> tunables_;
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<EventSource> events_;
   std::unique_ptr<Worker> worker_;  // last: joined before anything that it uses goes

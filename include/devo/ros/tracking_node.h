@@ -21,6 +21,7 @@
 #include "devo/ros/imu_input.h"
 #include "devo/ros/odometry_publisher.h"
 #include "devo/ros/rig_resolver.h"
+#include "devo/ros/tunables.h"
 #include "devo/ros/worker.h"
 
 namespace devo {
@@ -44,6 +45,7 @@ class TrackingNode {
   };
 
   void OnRig(const ResolvedRig& rig);
+  void OnOptions(const OdometryOptions& options);
   void OnSurface(const SurfaceConstPtr& surface);
   void OnMap(const boost::shared_ptr<const LocalMap>& map);
   bool OnSaveTrajectory(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -71,13 +73,14 @@ class TrackingNode {
   boost::shared_ptr<const LocalMap> new_map_;
   std::unique_ptr<Tracker> new_tracker_;
   std::unique_ptr<OdometryPublisher> new_publisher_;
+  bool options_changed_ = false;        // in config_.odometry, until the worker's tracker has them
   std::optional<Camera> camera_;        // undistorted event camera
   std::deque<StampedPose> trajectory_;  // of the event camera in the odometry's frame
   PoseEstimate last_;
   std::uint64_t tracked_ = 0, dropped_ = 0, untracked_ = 0, forgotten_ = 0;
   RateMeter pose_rate_;
   Quantiles tracking_ms_;
-  std::string failure_;
+  Failures failures_;
 
   // The worker's own.
   std::unique_ptr<Tracker> tracker_;
@@ -92,6 +95,7 @@ class TrackingNode {
   image_transport::Publisher reprojection_publisher_;
   ros::Publisher tracked_pose_publisher_;
   ros::Subscriber surface_subscriber_, map_subscriber_;
+  std::unique_ptr<Tunables> tunables_;
   ros::ServiceServer save_service_;
   std::unique_ptr<GroundTruth> ground_truth_;
   std::unique_ptr<ImuInput> imu_;   // where there is an IMU

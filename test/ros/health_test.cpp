@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/ros/health.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace devo {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+KnownTopics Known() { return {{"/dvs/events", "dvs_msgs/EventArray"}, {"/depth", "sensor_msgs/Image"}}; }
+
+TEST(Failures, AreNamedForAWhileAndCountedForGood) {
+  Failures failures(0.05);
+  diagnostic_updater::DiagnosticStatusWrapper status;
+  EXPECT_FALSE(failures.Fill(status));
+  failures.Add("depth image has encoding 'mono16'");
+  EXPECT_TRUE(failures.Fill(status));
+  EXPECT_EQ(status.level, DiagnosticStatus::ERROR);
+  EXPECT_EQ(status.message, "depth image has encoding 'mono16'");
+  ros::WallDuration(0.1).sleep();
+  diagnostic_updater::DiagnosticStatusWrapper later;
+  EXPECT_FALSE(failures.Fill(later));
+  EXPECT_EQ(later.level, DiagnosticStatus::OK);
+  ASSERT_EQ(later.values.size(), 1U);
+  EXPECT_EQ(later.values[0].value, "1");
+}
+
+TEST(Input, NamesTheTopicThatIsMissingAndWhatExistsInstead) {
+  const Input events("events", "/events", "EventArray", Input::Kind::kSteady);
+  EXPECT_EQ(events.MissingSentence(Known()),
+            "No events on /events (EventArray): nobody publishes it; EventArray topics that exist: /dvs/events.");
+  const Input wrong("events", "/depth", "EventArray", Input::Kind::kSteady);
+  EXPECT_THAT(wrong.MissingSentence(Known()), testing::HasSubstr("it is published as sensor_msgs/Image"));
+  Input depth("depth", "/depth", "Image", Input::Kind::kSteady);
+  EXPECT_THAT(depth.MissingSentence(Known()), testing::HasSubstr("it is advertised but nothing comes"));
+  depth.Arrived(1);
+  EXPECT_EQ(depth.MissingSentence(Known()), "");
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,133 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The nodelets without input, with a bag that stops, jumps and goes back, with a manager that dies, and with
+subscribers that come late."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import unittest
+import xmlrpc.client
+
+import rosgraph
+import rospy
+import rostest
+from nav_msgs.msg import Path
+from sensor_msgs.msg import PointCloud2
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from devo_testing import Record  # noqa: E402
+
+IDLE_S = 8
+
+
+def pid_of(node):
+    uri = rosgraph.Master("/lifecycle_test").lookupNode(node)
+    return xmlrpc.client.ServerProxy(uri).getPid("/lifecycle_test")[2]
+
+
+def cpu_seconds(pid):
+    with open("/proc/%d/stat" % pid) as stat:
+        fields = stat.read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def await_true(condition, timeout=30):
+    deadline = time.time() + timeout
+    while not condition() and time.time() < deadline:
+        time.sleep(0.05)
+    return condition()
+
+
+class LifecycleTest(unittest.TestCase):
+    """One story in the order of the names: each test goes on where the one before ended."""
+
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node("lifecycle_test")
+        cls.bag = rospy.get_param("~bag")
+        cls.record = Record()
+        cls.players = []
+
+    @classmethod
+    def tearDownClass(cls):
+        for player in cls.players:
+            cls.stop(player)
+
+    @classmethod
+    def start(cls, *options):
+        cls.players.append(subprocess.Popen(
+            ["rosbag", "play", "--clock", "--hz", "500", "--quiet", "--delay", "1.5"] + list(options) + [cls.bag],
+            stdin=subprocess.DEVNULL))
+        return cls.players[-1]
+
+    @staticmethod
+    def stop(player):
+        if player.poll() is None:
+            player.send_signal(signal.SIGINT)
+        player.wait()
+
+    def play(self, start_s, duration_s):
+        """Plays a part of the bag, and returns the status messages that it caused."""
+        before = len(self.record.status)
+        self.assertEqual(self.start("--start", str(start_s), "--duration", str(duration_s)).wait(), 0)
+        time.sleep(0.5)
+        return list(self.record.status)[before:]
+
+    def await_tracking(self, since, timeout=30):
+        self.assertTrue(await_true(lambda: any(s.state_name == "tracking" for s in list(self.record.status)[since:]),
+                                   timeout), "not tracking after %d s" % timeout)
+
+    def test_1_without_input_the_three_nodelets_take_less_than_a_hundredth_of_a_core(self):
+        for service in ("/devo/surface/reset", "/devo/mapping/save_map", "/devo/tracking/save_trajectory"):
+            rospy.wait_for_service(service, 30)
+        time.sleep(1)
+        pid = pid_of("/devo/manager")
+        before = cpu_seconds(pid)
+        time.sleep(IDLE_S)
+        share = (cpu_seconds(pid) - before) / IDLE_S
+        print("idle: %.2f %% of a core" % (100 * share))
+        self.assertLess(share, 0.01)
+
+    def test_2_small_jumps_go_on_and_large_and_backward_ones_begin_a_new_epoch(self):
+        first = self.play(0, 0.9)
+        small_gap = self.play(1.1, 0.2)
+        large_gap = self.play(1.85, 0.1)
+        backwards = self.play(0, 0.9)
+        self.assertTrue(first and small_gap and large_gap and backwards)
+        print("epochs %s" % [[s.epoch for s in (p[0], p[-1])] for p in (first, small_gap, large_gap, backwards)])
+        self.assertEqual({s.epoch for s in first + small_gap}, {first[0].epoch})
+        self.assertEqual({s.epoch for s in large_gap}, {first[0].epoch + 1})
+        self.assertEqual({s.epoch for s in backwards}, {first[0].epoch + 2})
+        for part in (first, small_gap, backwards):
+            self.assertEqual(part[-1].state_name, "tracking")
+
+    def test_3_a_silence_is_named_after_the_bag_has_stopped(self):
+        def sentence():
+            message = self.record.diagnostic("surface: inputs")["message"]
+            return "No more events on /event_camera/events (EventArray)" in message and "nobody publishes it" in message
+        self.assertTrue(await_true(sentence, 15), self.record.diagnostic("surface: inputs"))
+
+    def test_4_who_comes_late_gets_path_and_maps(self):
+        for topic, kind in (("/devo/path", Path), ("/devo/local_map", PointCloud2), ("/devo/global_map", PointCloud2)):
+            message = rospy.wait_for_message(topic, kind, 10)
+            self.assertEqual(message.header.frame_id, "odom")
+            self.assertGreater(len(message.poses) if kind is Path else message.width, 4)
+
+    def test_5_a_manager_that_dies_comes_back_and_tracks_a_bag_that_plays_already(self):
+        self.start("--loop")
+        self.await_tracking(len(self.record.status))
+        dead = pid_of("/devo/manager")
+        os.kill(dead, signal.SIGKILL)
+        begin = time.time()
+        self.assertTrue(await_true(lambda: not os.path.exists("/proc/%d" % dead), 10))
+        time.sleep(1)  # what was under way
+        self.await_tracking(len(self.record.status), 60)
+        print("tracks %.1f s after the manager was killed" % (time.time() - begin))
+        self.assertNotEqual(pid_of("/devo/manager"), dead)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("devo", "lifecycle", LifecycleTest)

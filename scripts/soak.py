@@ -1,16 +1,17 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs the three nodelets for minutes on a recording that is published again and again in real time, its stamps moved on
-from round to round so that data time never goes back, and prints what they cost: CPU, latency, memory and its slope.
+"""Runs the three nodelets for minutes on a recording that is played there and back again in real time, and prints what
+they cost: CPU, latency, memory and its slope.
 
     source devel/setup.bash
     scripts/soak.py --bag rec.bag --config config/simulated.yaml rec.yaml --minutes 10
 
-At the seams the camera jumps from the recording's end to its begin: tracking is lost and must find its place again.
-With --reset each round begins a new epoch instead, as a run of its own: that is what to read CPU and latency from.
-The recording's events must be EventArrays. Starts a master of its own (--port).
+On the way back the order of the events is reversed and their polarity changed, which is what a camera sees that returns
+on its way: data time and motion go on without a seam for as long as one likes. The recording's events must be
+EventArrays; IMU and ground truth are left out. Starts a master of its own (--port).
 """
 import argparse
+import math
 import os
 import subprocess
 import sys
@@ -22,7 +23,6 @@ import rosgraph
 import rospy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from std_srvs.srv import Trigger
 from xmlrpc.client import ServerProxy
 
 EVENT = np.dtype([('x', '<u2'), ('y', '<u2'), ('secs', '<u4'), ('nsecs', '<u4'), ('polarity', 'u1')])
@@ -39,25 +39,36 @@ def topics_of(configs):
     for path in configs:
         with open(path) as file:
             topics.update((yaml.safe_load(file) or {}).get('topics', {}))
-    return {topic for role, topic in topics.items() if topic and role != 'ground_truth'} | {'/tf_static'}
+    return {topic for role, topic in topics.items() if topic and role not in ('ground_truth', 'imu')} | {'/tf_static'}
 
 
 class Message:
-    """A message as its bytes, whose stamps can be moved by whole seconds."""
+    """A message as its bytes, whose stamps can be moved."""
 
-    def __init__(self, t_s, topic, datatype, data):
-        self.t_s, self.topic = t_s, topic
+    def __init__(self, t_ns, topic, datatype, data):
+        self.t_ns, self.topic, self.datatype = t_ns, topic, datatype
         self.bytes = bytearray(data)
-        self.stamps = []
-        if datatype != 'tf2_msgs/TFMessage':
-            self.stamps.append(np.frombuffer(self.bytes, '<u4', 1, 4))  # of the header
+        self.header = np.frombuffer(self.bytes, '<u4', 2, 4)
+        self.events = np.zeros(0, EVENT)
         if datatype.endswith('/EventArray'):
             begin = 16 + int.from_bytes(self.bytes[12:16], 'little') + 12
-            self.stamps.append(np.frombuffer(self.bytes, EVENT, -1, begin)['secs'])
+            self.events = np.frombuffer(self.bytes, EVENT, -1, begin)
 
     def move(self, seconds):
-        for stamps in self.stamps:
-            stamps += np.uint32(seconds)
+        if self.topic != '/tf_static':
+            self.header[0] += seconds
+            self.events['secs'] += np.uint32(seconds)
+
+    def mirrored(self, turn_ns):
+        """The message on the way back from a turn at the time `turn_ns`."""
+        back = Message(2 * turn_ns - self.t_ns, self.topic, self.datatype, self.bytes)
+        header_ns = 2 * turn_ns - (10**9 * int(self.header[0]) + int(self.header[1]))
+        back.header[:] = header_ns // 10**9, header_ns % 10**9
+        events = self.events[::-1]
+        t_ns = 2 * turn_ns - (10**9 * events['secs'].astype('i8') + events['nsecs'])
+        back.events['x'], back.events['y'], back.events['polarity'] = events['x'], events['y'], 1 - events['polarity']
+        back.events['secs'], back.events['nsecs'] = t_ns // 10**9, t_ns % 10**9
+        return back
 
 
 def raw_type(datatype, md5, definition):
@@ -70,10 +81,12 @@ def load(path, topics):
         for topic, (datatype, data, md5, _, pytype), t in bag.read_messages(topics=topics, raw=True):
             if datatype.endswith('/EventPacket'):
                 sys.exit(f"topic '{topic}' has type {datatype}, expected EventArray")
-            messages.append(Message(t.to_sec(), topic, datatype, data))
+            messages.append(Message(t.to_nsec(), topic, datatype, data))
             publishers.setdefault(topic, (raw_type(datatype, md5, pytype._full_text), topic == '/tf_static'))
     if not messages:
         sys.exit(f"'{path}' holds none of the topics {sorted(topics)}")
+    turn_ns = messages[-1].t_ns
+    messages += [message.mirrored(turn_ns) for message in reversed(messages) if message.topic != '/tf_static']
     return messages, {topic: rospy.Publisher(topic, kind, queue_size=100, latch=latch)
                       for topic, (kind, latch) in publishers.items()}
 
@@ -119,15 +132,15 @@ class Watch:
         print(f'| slope of memory after the first {warm_up_s:.0f} s | {slope:+.1f} MB/h |')
 
 
-def play(messages, publishers, minutes, watch, at_seam):
-    first_s = messages[0].t_s
-    round_s = int(np.ceil(messages[-1].t_s - first_s))
+def play(messages, publishers, minutes, watch):
+    first_ns = messages[0].t_ns
+    round_s = math.ceil(1e-9 * (messages[-1].t_ns - first_ns) + 0.01)  # the camera rests where it began
     begin, sampled, rounds = time.time(), 0, 0
     while True:
         for message in messages:
             if rounds > 0 and message.topic == '/tf_static':
                 continue
-            due = begin + rounds * round_s + message.t_s - first_s
+            due = begin + rounds * round_s + 1e-9 * (message.t_ns - first_ns)
             time.sleep(max(0, due - time.time()))
             raw = publishers[message.topic].data_class()
             raw._buff = bytes(message.bytes)
@@ -137,9 +150,8 @@ def play(messages, publishers, minutes, watch, at_seam):
                 sampled = time.time()
                 watch.sample()
             if time.time() - begin > 60 * minutes or rospy.is_shutdown():
-                return rounds, round_s
+                return (time.time() - begin) / round_s, round_s
         rounds += 1
-        at_seam()
 
 
 def main():
@@ -148,7 +160,6 @@ def main():
     parser.add_argument('--config', required=True, nargs='+', help='yaml of the rig; later ones override earlier ones')
     parser.add_argument('--minutes', type=float, default=10)
     parser.add_argument('--warm-up', type=float, default=60, help='seconds that CPU and slope leave out')
-    parser.add_argument('--reset', action='store_true', help='a new epoch with each round')
     parser.add_argument('--port', type=int, default=11399, help='of the master that is started')
     parser.add_argument('--set', default='', help='key=value overrides, separated by spaces')
     parser.add_argument('--prefix', default='', help="before the manager's command, such as 'nice -n -5'")
@@ -174,10 +185,9 @@ def main():
         events = max(publishers, key=lambda topic: sum(len(m.bytes) for m in messages if m.topic == topic))
         wait_for('subscription of the nodelets', 60, lambda: publishers[events].get_num_connections())
         watch = Watch(pid)
-        reset = rospy.ServiceProxy('/devo/surface/reset', Trigger) if arguments.reset else lambda: None
-        rounds, round_s = play(messages, publishers, arguments.minutes, watch, reset)
+        rounds, round_s = play(messages, publishers, arguments.minutes, watch)
         time.sleep(1.5)  # the last diagnostics
-        print(f'| {os.path.basename(arguments.bag)} | {rounds} rounds of {round_s} s |\n|---|---|')
+        print(f'| {os.path.basename(arguments.bag)} | {rounds:.1f} rounds of {round_s} s there and back |\n|---|---|')
         watch.report(arguments.warm_up)
         for task, keys in SHOWN:
             status = next((s for name, s in diagnostics.items() if name.endswith(': ' + task)), None)

@@ -129,6 +129,9 @@ class Watch:
         print(f'| CPU | {100 * (steady[-1, 1] - steady[0, 1]) / span_s:.0f} % of one core |')
         print(f'| resident memory | {steady[0, 2]:.0f} MB after {warm_up_s:.0f} s, {steady[-1, 2]:.0f} MB after '
               f'{rows[-1, 0] - rows[0, 0]:.0f} s, most {rows[:, 2].max():.0f} MB |')
+        minutes = np.arange(rows[0, 0], rows[-1, 0], 60)
+        per_minute = [rows[np.searchsorted(rows[:, 0], t), 2] for t in minutes]
+        print(f"| resident MB, minute by minute | {' '.join(f'{mb:.0f}' for mb in per_minute)} |")
         print(f'| slope of memory after the first {warm_up_s:.0f} s | {slope:+.1f} MB/h |')
 
 

@@ -81,6 +81,7 @@ class MappingNode {
   SurfaceConstPtr last_surface_;
   std::int64_t scene_depth_ns_ = 0;
   bool global_map_wanted_ = false;
+  std::uint64_t references_published_ = 0;  // in the global map
 
   Health health_;
   std::shared_ptr<Input> surface_input_, depth_input_;

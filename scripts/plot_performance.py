@@ -40,10 +40,12 @@ def curve(axes, points, label):
 
 
 def finish(axes, title, x, y):
-    axes.set(xscale="log", yscale="log", title=title, xlabel=x, ylabel=y)
+    axes.set(title=title, xlabel=x, ylabel=y)
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0)
     axes.grid(True, which="both", alpha=0.25)
     if axes.lines:
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=7, loc="best")
 
 
 def main():

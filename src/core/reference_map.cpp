@@ -45,8 +45,21 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   reference.expected.assign(points.size(), 0);
   reference.met.assign(points.size(), 0);
   reference.points = std::move(points);
+  reference.last_seen = ++calls_;
   references_.push_back(std::move(reference));
+  ForgetBeyondBudget();
   return references_.back().id;
+}
+
+void ReferenceMap::ForgetBeyondBudget() {
+  const auto add = [](std::size_t sum, const Reference& reference) { return sum + reference.points.size(); };
+  std::size_t total = std::accumulate(references_.begin(), references_.end(), std::size_t{0}, add);
+  while (total > static_cast<std::size_t>(options_.max_map_points) && references_.size() > 1) {
+    const auto oldest = std::min_element(references_.begin(), references_.end() - 1,
+                                         [](const auto& a, const auto& b) { return a.last_seen < b.last_seen; });
+    total -= oldest->points.size();
+    references_.erase(oldest);
+  }
 }
 
 bool ReferenceMap::InView(const Reference& reference, const Rigid3& T_event_ref) const {
@@ -136,8 +149,10 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
                                  const Vector6d& velocity_event) {
   if (surface.nearest_edge.empty()) return;
   std::vector<bool> touched(references_.size(), false);
+  ++calls_;
   for (const Visible& point : visible) {
     Reference& reference = references_[point.reference];
+    reference.last_seen = calls_;
     const Eigen::Vector2f motion =
         ImageVelocity(velocity_event, point.p_event, camera_) * static_cast<float>(surface.window_s);
     const float across_px = motion.x() * point.normal_x + motion.y() * point.normal_y;

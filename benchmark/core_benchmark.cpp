@@ -13,6 +13,7 @@
 #include "devo/core/local_map.h"
 #include "devo/core/mapper.h"
 #include "devo/core/noise_filter.h"
+#include "devo/core/relocalizer.h"
 #include "devo/core/surface_builder.h"
 #include "moving_edges.h"
 #include "simulated_table.h"
@@ -237,6 +238,26 @@ BENCHMARK(AlignPoints)
     ->Arg(4000)
     ->Arg(8000)
     ->Unit(benchmark::kMillisecond);
+
+/// What one surface pays while tracking is lost, in vain: no hypothesis is near.
+void SearchWhenLost(benchmark::State& state) {
+  MovingEdges scene(640, 480, 5e6);
+  const SurfacePtr surface = SurfaceOf(&scene);
+  Mapper mapper(scene.rig(), OdometryOptions());
+  mapper.AddSurface(surface);
+  mapper.AddDepth(DepthOf(scene, *surface));
+  const LocalMapPtr map = mapper.Update();
+  if (!map) {
+    state.SkipWithError("no local map was made");
+    return;
+  }
+  Relocalizer relocalizer(scene.camera(), OdometryOptions());
+  Vector6d off;
+  off << 0.5, 0.3, 0, 0.3, -0.4, 0.5;
+  const std::vector<Rigid3> hypotheses = {Exp(off), Exp(-off)};
+  for (auto _ : state) benchmark::DoNotOptimize(relocalizer.Search(*surface, map, hypotheses, true, 0.9));
+}
+BENCHMARK(SearchWhenLost)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace devo

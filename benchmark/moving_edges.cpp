@@ -18,9 +18,9 @@ double Wrapped(double x, double width) {
 
 }  // namespace
 
-MovingEdges::MovingEdges(int width, int height, double rate_hz)
+MovingEdges::MovingEdges(int width, int height, double rate_hz, double start_s)
     : camera_(width, height, 0.8 * width, 0.8 * width, 0.5 * (width - 1), 0.5 * (height - 1), "none", {}),
-      speed_px_s_(300.0 / 640 * width * std::sqrt(rate_hz / 5e6)) {
+      speed_px_s_(300.0 / 640 * width * std::sqrt(rate_hz / 5e6)), start_s_(start_s) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(0, 1);
   for (double rate = 0; rate < rate_hz;) {
@@ -33,20 +33,34 @@ MovingEdges::MovingEdges(int width, int height, double rate_hz)
     for (int i = 0; i < length_px; ++i) {
       const double x = x0 + i * std::cos(angle), y = y0 + i * std::sin(angle);
       if (y < 0 || y > height - 1) continue;
-      pieces_.push_back({x, y, 1 / piece_rate, uniform(random) / piece_rate, polarity});
+      const double step_px = speed_px_s_ / piece_rate;
+      pieces_.push_back({x, y, step_px, uniform(random) * step_px, polarity});
       rate += piece_rate;
     }
   }
 }
 
+double MovingEdges::WayAt_px(double t_s) const {
+  if (t_s >= start_s_) return speed_px_s_ * (t_s - 0.5 * start_s_);
+  return 0.5 * speed_px_s_ / start_s_ * t_s * t_s;
+}
+
+double MovingEdges::TimeOf_s(double way_px) const {
+  const double start_px = 0.5 * speed_px_s_ * start_s_;
+  if (way_px >= start_px) return way_px / speed_px_s_ + 0.5 * start_s_;
+  return std::sqrt(2 * start_s_ * way_px / speed_px_s_);
+}
+
+double MovingEdges::WayAt_m(std::int64_t t_ns) const { return WayAt_px(SecondsFromNs(t_ns)) * kDepth_m / camera_.fx(); }
+
 void MovingEdges::Advance(double duration_s, std::vector<Event>* events) {
-  const double end_s = SecondsFromNs(t_ns_) + duration_s;
+  const double end_s = SecondsFromNs(t_ns_) + duration_s, end_px = WayAt_px(end_s);
   const std::size_t first = events->size();
   for (Piece& piece : pieces_) {
-    for (; piece.next_s < end_s; piece.next_s += piece.period_s) {
-      const double x = Wrapped(piece.x - speed_px_s_ * piece.next_s, camera_.width());
+    for (; piece.next_px < end_px; piece.next_px += piece.step_px) {
+      const double x = Wrapped(piece.x - piece.next_px, camera_.width());
       Event event;
-      event.t_ns = NsFromSeconds(piece.next_s);
+      event.t_ns = NsFromSeconds(TimeOf_s(piece.next_px));
       event.x = static_cast<std::uint16_t>(std::min(std::floor(x + 0.5), camera_.width() - 1.0));
       event.y = static_cast<std::uint16_t>(piece.y + 0.5);
       event.polarity = piece.polarity;

@@ -20,8 +20,9 @@ class MovingEdges {
  public:
   static constexpr double kDepth_m = 2.0;
 
-  /// Edges enough to give `rate_hz` events per second at an image speed that grows with the root of the rate.
-  MovingEdges(int width, int height, double rate_hz);
+  /// Edges enough to give `rate_hz` events per second at an image speed that grows with the root of the rate. The
+  /// camera reaches that speed with constant acceleration from rest within `start_s`; 0: it moves from the beginning.
+  MovingEdges(int width, int height, double rate_hz, double start_s = 0);
 
   /// Appends the events of the next `duration_s`, ordered in time. Edges that leave the image come in again
   /// on the other side.
@@ -29,8 +30,10 @@ class MovingEdges {
 
   std::int64_t t_ns() const { return t_ns_; }
   const Camera& camera() const { return camera_; }
-  /// [v; omega] of the event camera: constant, sideways.
+  /// [v; omega] of the event camera at full speed: sideways.
   Vector6d velocity_event() const;
+  /// Way of the event camera up to a time, sideways.
+  double WayAt_m(std::int64_t t_ns) const;
   SceneDepth scene_depth() const;
 
   /// Depth camera of 640x576 pixels, 7 cm beside the event camera.
@@ -40,13 +43,16 @@ class MovingEdges {
  private:
   /// A piece of edge, one pixel long, that fires once per pixel that it moves across itself.
   struct Piece {
-    double x, y;  // position at time 0
-    double period_s, next_s;
+    double x, y;              // position at time 0
+    double step_px, next_px;  // ways of the image at which it fires
     std::uint8_t polarity;
   };
 
+  double WayAt_px(double t_s) const;
+  double TimeOf_s(double way_px) const;
+
   Camera camera_;
-  double speed_px_s_;
+  double speed_px_s_, start_s_;
   std::int64_t t_ns_ = 0;
   std::vector<Piece> pieces_;
 };

@@ -44,6 +44,10 @@ add_rostest(test/rostest/lifecycle.test
   ARGS bag:=${devo_sample}.bag config:=${devo_sample}.yaml
   DEPENDENCIES ${devo_rostest_dependencies})
 
+add_rostest(test/rostest/burst.test
+  ARGS bag:=${devo_sample}.bag config:=${devo_sample}.yaml
+  DEPENDENCIES ${devo_rostest_dependencies})
+
 add_rostest(test/rostest/bad_parameters.test DEPENDENCIES ${devo_rostest_dependencies})
 
 add_rostest_gmock(zero_copy_test test/rostest/zero_copy.test test/rostest/zero_copy_test.cpp)

@@ -91,8 +91,9 @@ class Run {
  public:
   explicit Run(const Arguments& arguments)
       : arguments_(arguments), config_(devo::LoadRigConfig(arguments.configs, arguments.overrides)),
-        reader_(arguments.bags, config_, arguments.range), rig_(reader_.ReadRig()), odometry_(rig_, config_.odometry),
-        report_(config_.odometry.surface.rate_hz), thinning_(arguments.depth_rate_hz) {
+        reader_(arguments.bags, config_, arguments.range), rig_(reader_.ReadRig()),
+        odometry_(rig_, config_.odometry, arguments.threads), report_(config_.odometry.surface.rate_hz),
+        thinning_(arguments.depth_rate_hz) {
     if (!arguments.ground_truth.empty()) truth_ = devo::ReadTum(arguments.ground_truth);
     if (arguments.disturbance.any()) {
       disturbance_.emplace(arguments.disturbance, rig_.event_camera.width(), rig_.event_camera.height());
@@ -112,6 +113,11 @@ class Run {
       }
     } catch (const std::exception& e) {
       report_.error = e.what();
+    }
+    try {
+      odometry_.Finish();
+    } catch (const std::exception& e) {
+      if (report_.error.empty()) report_.error = e.what();
     }
     progress.Finish();
     report_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();

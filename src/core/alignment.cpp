@@ -13,13 +13,12 @@ namespace devo {
 namespace {
 
 /// Points that should show in the surface, with what their edges look like from the start pose.
-std::vector<AlignmentPoint> PreparePoints(const std::vector<MapPoint>& points, const Surface& surface,
-                                          const Camera& camera, const Rigid3& T_event_ref,
-                                          const Vector6d& velocity_event) {
+void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
+                   const Rigid3& T_event_ref, const Vector6d& velocity_event, std::vector<AlignmentPoint>* prepared) {
   const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
-  std::vector<AlignmentPoint> prepared;
-  prepared.reserve(points.size());
+  prepared->clear();
+  prepared->reserve(points.size());
   for (const MapPoint& point : points) {
     const Eigen::Vector3f p = R * point.p_ref + t;
     if (p.z() < 0.05F) continue;
@@ -36,9 +35,8 @@ std::vector<AlignmentPoint> PreparePoints(const std::vector<MapPoint>& points, c
       out.expected = VisibilityOfMotion(across_px);
       out.polarity = std::abs(across_px) > kClearMotion_px ? -std::copysign(point.sign, point.sign * across_px) : 0.0F;
     }
-    prepared.push_back(out);
+    prepared->push_back(out);
   }
-  return prepared;
 }
 
 void CountMatches(const AlignmentProblem& problem, const std::vector<AlignmentPoint>& points, const Camera& camera,
@@ -70,24 +68,23 @@ void CountMatches(const AlignmentProblem& problem, const std::vector<AlignmentPo
 
 AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
                       const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options) {
-  const auto prepared = PreparePoints(points, surface, camera, prior.T_event_ref, velocity_event);
+  // Kept from call to call, so that nothing is allocated per pose.
+  thread_local std::vector<AlignmentPoint> prepared;
+  PreparePoints(points, surface, camera, prior.T_event_ref, velocity_event, &prepared);
   const AlignmentProblem problem(prepared, surface, camera, prior, prior.T_event_ref, options);
 
-  ceres::TinySolver<AlignmentProblem> solver;
+  ceres::TinySolver<CompressedProblem> solver;
   solver.options.max_num_iterations = options.tracking.max_iterations;
   solver.options.parameter_tolerance = 1e-6;
   solver.options.function_tolerance = 3e-3;  // beyond it, matches flicker and the pose does not get better
   Vector6d delta = Vector6d::Zero();
-  const auto summary = solver.Solve(problem, &delta);
+  const auto summary = solver.Solve(CompressedProblem(problem), &delta);
 
   AlignmentResult result;
   result.T_event_ref = prior.T_event_ref * Exp(delta);
   result.iterations = summary.iterations;
   result.cost = summary.final_cost / std::max<std::size_t>(prepared.size(), 1);
-  std::vector<double> residuals(problem.NumResiduals()), jacobian(6 * problem.NumResiduals());
-  problem(delta.data(), residuals.data(), jacobian.data());
-  const Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6>> J(jacobian.data(), problem.NumResiduals(), 6);
-  result.information = J.topRows(prepared.size()).transpose() * J.topRows(prepared.size());
+  result.information = problem.SumsAt(delta, true).of_points;
   CountMatches(problem, prepared, camera, &result);
   return result;
 }

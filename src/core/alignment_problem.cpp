@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "devo/core/edge_motion.h"
@@ -38,7 +39,8 @@ AlignmentProblem::AlignmentProblem(const std::vector<AlignmentPoint>& points, co
     : points_(points), surface_(surface), camera_(camera), prior_(prior), T_event_ref_(T_event_ref),
       plain_(surface.nearest_edge.empty()),
       truncation_(plain_ ? 1.0F : static_cast<float>(options.surface.truncation_px)),
-      huber_(truncation_ * static_cast<float>(options.tracking.huber_share)) {}
+      huber_(truncation_ * static_cast<float>(options.tracking.huber_share)),
+      unmatched_(RobustRoot(truncation_, huber_).value) {}
 
 AlignmentProblem::Sample AlignmentProblem::SampleField(const AlignmentPoint& point, float u, float v) const {
   return plain_ ? SamplePlainSurface(u, v) : SampleNearestEdge(point, u, v);
@@ -73,46 +75,107 @@ AlignmentProblem::Sample AlignmentProblem::SamplePlainSurface(float u, float v) 
   return sample;
 }
 
+bool AlignmentProblem::PointRow(const AlignmentPoint& point, const Eigen::Matrix3f& R, const Eigen::Vector3f& t,
+                                float* residual, Eigen::Matrix<float, 6, 1>* row) const {
+  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
+  const auto cx = static_cast<float>(camera_.cx()), cy = static_cast<float>(camera_.cy());
+  const Eigen::Vector3f p = R * point.p_ref + t;
+  Sample sample;
+  if (p.z() > kMinDepth_m) sample = SampleField(point, fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy);
+  // An edge that moves along itself shows little: what seems to match it is more often another.
+  const float weight = std::sqrt(point.expected);
+  if (!sample.matched) {
+    *residual = weight * unmatched_;
+    return false;
+  }
+  const RobustRoot robust(sample.value, huber_);
+  *residual = weight * robust.value;
+  if (row == nullptr) return true;
+  const float inverse_z = 1 / p.z(), a = fx * sample.gradient_x * inverse_z, b = fy * sample.gradient_y * inverse_z;
+  const Eigen::Vector3f g_event(a, b, -(a * p.x() + b * p.y()) * inverse_z);
+  const Eigen::Vector3f g_ref = (weight * robust.derivative) * (R.transpose() * g_event);
+  row->head<3>() = g_ref;
+  row->tail<3>() = point.p_ref.cross(g_ref);
+  return true;
+}
+
+Vector6d AlignmentProblem::PriorResidual(const Rigid3& T) const {
+  // Motion of the event frame away from the prior: E = T * T_prior^-1 = T_0 T_prior^-1 Exp(Ad(T_prior) delta).
+  return prior_.sqrt_information * Log(T * prior_.T_event_ref.inverse());
+}
+
+Matrix6d AlignmentProblem::PriorJacobian(const Rigid3& T, const Matrix6d& J_r) const {
+  const Vector6d error = Log(T * prior_.T_event_ref.inverse());
+  return prior_.sqrt_information * RightJacobian(error).inverse() * Adjoint(prior_.T_event_ref) * J_r;
+}
+
 bool AlignmentProblem::operator()(const double* dtheta, double* residuals, double* jacobian) const {
   const Eigen::Map<const Vector6d> delta(dtheta);
   const Rigid3 T = T_event_ref_ * Exp(delta);
   const Eigen::Matrix3f R = T.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T.translation().cast<float>();
-  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
-  const auto cx = static_cast<float>(camera_.cx()), cy = static_cast<float>(camera_.cy());
-  const float unmatched = RobustRoot(truncation_, huber_).value;
   const int n = static_cast<int>(points_.size()), rows = NumResiduals();
+  // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
+  const Matrix6d J_r = RightJacobian(delta);
   Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6>> J(jacobian, jacobian ? rows : 0, 6);
   for (int i = 0; i < n; ++i) {
-    const AlignmentPoint& point = points_[i];
-    const Eigen::Vector3f p = R * point.p_ref + t;
-    Sample sample;
-    if (p.z() > kMinDepth_m) sample = SampleField(point, fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy);
-    const RobustRoot robust(sample.value, huber_);
-    // An edge that moves along itself shows little: what seems to match it is more often another.
-    const float weight = std::sqrt(point.expected);
-    residuals[i] = weight * (sample.matched ? robust.value : unmatched);
+    float residual = 0;
+    Eigen::Matrix<float, 6, 1> row;
+    const bool matched = PointRow(points_[i], R, t, &residual, jacobian ? &row : nullptr);
+    residuals[i] = residual;
     if (!jacobian) continue;
-    if (!sample.matched) {
+    if (matched) {
+      J.row(i) = row.cast<double>().transpose() * J_r;
+    } else {
       J.row(i).setZero();
-      continue;
     }
-    const float inverse_z = 1 / p.z(), a = fx * sample.gradient_x * inverse_z, b = fy * sample.gradient_y * inverse_z;
-    const Eigen::Vector3f g_event(a, b, -(a * p.x() + b * p.y()) * inverse_z);
-    const Eigen::Vector3f g_ref = (weight * robust.derivative) * (R.transpose() * g_event);
-    const Eigen::Vector3f moment = point.p_ref.cross(g_ref);
-    J(i, 0) = g_ref.x(), J(i, 1) = g_ref.y(), J(i, 2) = g_ref.z();
-    J(i, 3) = moment.x(), J(i, 4) = moment.y(), J(i, 5) = moment.z();
   }
-  // Motion of the event frame away from the prior: E = T * T_prior^-1 = T_0 T_prior^-1 Exp(Ad(T_prior) delta).
-  const Vector6d error = Log(T * prior_.T_event_ref.inverse());
-  Eigen::Map<Vector6d>(residuals + n) = prior_.sqrt_information * error;
-  if (jacobian) {
-    // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
-    const Matrix6d J_r = RightJacobian(delta);
-    if (!delta.isZero()) J.topRows(n) = (J.topRows(n) * J_r).eval();
-    J.bottomRows<6>() = prior_.sqrt_information * RightJacobian(error).inverse() * Adjoint(prior_.T_event_ref) * J_r;
+  Eigen::Map<Vector6d>(residuals + n) = PriorResidual(T);
+  if (jacobian) J.bottomRows<6>() = PriorJacobian(T, J_r);
+  return true;
+}
+
+AlignmentProblem::Sums AlignmentProblem::SumsAt(const Vector6d& delta, bool with_jacobian) const {
+  const Rigid3 T = T_event_ref_ * Exp(delta);
+  const Eigen::Matrix3f R = T.rotation().toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = T.translation().cast<float>();
+  Sums sums{Matrix6d::Zero(), Matrix6d::Zero(), Vector6d::Zero(), 0};
+  Matrix6d& points = sums.of_points;
+  for (const AlignmentPoint& point : points_) {
+    float residual = 0;
+    Eigen::Matrix<float, 6, 1> row;
+    const bool matched = PointRow(point, R, t, &residual, with_jacobian ? &row : nullptr);
+    sums.squared_norm += static_cast<double>(residual) * residual;
+    if (!matched || !with_jacobian) continue;
+    const Vector6d j = row.cast<double>();
+    points.noalias() += j * j.transpose();
+    sums.gradient.noalias() += static_cast<double>(residual) * j;
   }
+  const Vector6d prior = PriorResidual(T);
+  sums.squared_norm += prior.squaredNorm();
+  if (!with_jacobian) return sums;
+  // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
+  const Matrix6d J_r = RightJacobian(delta), J_prior = PriorJacobian(T, J_r);
+  points = (J_r.transpose() * points * J_r).eval();
+  sums.information = points + J_prior.transpose() * J_prior;
+  sums.gradient = (J_r.transpose() * sums.gradient + J_prior.transpose() * prior).eval();
+  return sums;
+}
+
+bool CompressedProblem::operator()(const double* dtheta, double* residuals, double* jacobian) const {
+  const auto sums = problem_.SumsAt(Eigen::Map<const Vector6d>(dtheta), jacobian != nullptr);
+  Eigen::Map<Eigen::Matrix<double, 7, 1>> r(residuals);
+  r.setZero();
+  r[6] = std::sqrt(sums.squared_norm);
+  if (!jacobian) return true;
+  Eigen::Map<Eigen::Matrix<double, 7, 6>> J(jacobian);
+  J.setZero();
+  // J'J = L L': the first six residuals are L^-1 J'r with the Jacobian L', the last is what no step can lower.
+  const Eigen::LLT<Matrix6d> cholesky(sums.information);
+  if (cholesky.info() != Eigen::Success) return false;  // all zero: the solver stops where it is
+  r.head<6>() = cholesky.matrixL().solve(sums.gradient);
+  r[6] = std::sqrt(std::max(0.0, sums.squared_norm - r.head<6>().squaredNorm()));
+  J.topRows<6>() = cholesky.matrixU();
   return true;
 }
 

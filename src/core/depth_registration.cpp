@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <sstream>
 #include <stdexcept>
 
-#include <Eigen/Cholesky>
+#include <opencv2/core/hal/intrin.hpp>
 
 namespace devo {
 namespace {
@@ -26,80 +27,154 @@ struct Neighbour {
 /// Inverse depth is linear in the image on a plane: weighted least squares of a + b dx + c dy, value at 0. The
 /// slope is regularised, so that one-sided readings are extrapolated only as far as they show a slope.
 float InterpolateOnPlane(const Neighbour* begin, const Neighbour* end, float radius) {
-  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  // Normal equations in scalars, which stay in registers: the sums over a handful of readings are all the cost.
+  double a11 = 0, a12 = 0, a13 = 0, a22 = 0.5, a23 = 0, a33 = 0.5, b1 = 0, b2 = 0, b3 = 0;
   for (const Neighbour* n = begin; n != end; ++n) {
-    const Eigen::Vector3d basis(1, n->dx / radius, n->dy / radius);
+    const double x = n->dx / radius, y = n->dy / radius;
     const double weight = std::exp(-2.0 * (n->dx * n->dx + n->dy * n->dy) / (radius * radius));
-    A += weight * basis * basis.transpose();
-    b += weight / n->z * basis;
+    const double wx = weight * x, wy = weight * y, w_inverse = weight / n->z;
+    a11 += weight;
+    a12 += wx;
+    a13 += wy;
+    a22 += wx * x;
+    a23 += wx * y;
+    a33 += wy * y;
+    b1 += w_inverse;
+    b2 += w_inverse * x;
+    b3 += w_inverse * y;
   }
-  A(1, 1) += 0.5;
-  A(2, 2) += 0.5;
-  return static_cast<float>(1.0 / A.ldlt().solve(b)[0]);
+  // Cramer's rule for the first unknown; the matrix is positive definite with half a unit on its diagonal.
+  const double c1 = a22 * a33 - a23 * a23, c2 = a13 * a23 - a12 * a33, c3 = a12 * a23 - a13 * a22;
+  return static_cast<float>((a11 * c1 + a12 * c2 + a13 * c3) / (b1 * c1 + b2 * c2 + b3 * c3));
+}
+
+/// Sets a square of kWidth x kWidth pixels; the fixed width makes each row a few plain stores.
+template <int kWidth>
+void FillSquare(std::uint8_t* first, std::size_t step) {
+  for (int row = 0; row < kWidth; ++row) std::memset(first + row * step, 255, kWidth);
 }
 
 }  // namespace
 
 DepthRegistration::DepthRegistration(const Camera& event_camera, const Camera& depth_camera,
                                      const MappingOptions& options)
-    : event_camera_(event_camera), options_(options), depth_rays_(RayTable(depth_camera)),
+    : event_camera_(event_camera), options_(options), depth_rays_(2),
       radius_px_(static_cast<float>(std::clamp(2.0 * event_camera.fx() / depth_camera.fx(), 1.5, 4.0))),
       wanted_(event_camera.height(), event_camera.width()), first_(event_camera.height(), event_camera.width()),
-      cell_depth_((event_camera.height() + kCell - 1) / kCell, (event_camera.width() + kCell - 1) / kCell) {}
+      readings_(static_cast<std::size_t>(depth_camera.width()) * depth_camera.height()),
+      cell_depth_((event_camera.height() + kCell - 1) / kCell, (event_camera.width() + kCell - 1) / kCell),
+      row_z_(depth_camera.width()), row_u_(depth_camera.width()), row_v_(depth_camera.width()),
+      row_pixel_(depth_camera.width()) {
+  cv::split(RayTable(depth_camera), depth_rays_);
+}
 
 void DepthRegistration::MarkNeighbourhoods(const std::vector<EdgePoint>& edges) {
   wanted_.setTo(0);
-  const int reach = static_cast<int>(std::ceil(radius_px_));
+  const int reach = static_cast<int>(std::ceil(radius_px_));  // 2 to 4
+  const auto fill = reach == 2 ? FillSquare<5> : reach == 3 ? FillSquare<7> : FillSquare<9>;
   for (const EdgePoint& edge : edges) {
     const int x = static_cast<int>(std::lround(edge.x)), y = static_cast<int>(std::lround(edge.y));
     const int x0 = std::max(x - reach, 0), x1 = std::min(x + reach, wanted_.cols - 1);
     const int y0 = std::max(y - reach, 0), y1 = std::min(y + reach, wanted_.rows - 1);
-    for (int row = y0; row <= y1; ++row) std::fill(wanted_[row] + x0, wanted_[row] + x1 + 1, 255);
+    if (x1 - x0 == 2 * reach && y1 - y0 == 2 * reach) {
+      fill(wanted_[y0] + x0, wanted_.step);
+    } else {
+      for (int row = y0; row <= y1; ++row) std::fill(wanted_[row] + x0, wanted_[row] + x1 + 1, 255);
+    }
   }
 }
 
+int DepthRegistration::WarpRow(const float* z_depth, int y, const Eigen::Matrix3f& R, const Eigen::Vector3f& t) {
+  const auto fx = static_cast<float>(event_camera_.fx()), fy = static_cast<float>(event_camera_.fy());
+  const auto cx = static_cast<float>(event_camera_.cx()) + 0.5F, cy = static_cast<float>(event_camera_.cy()) + 0.5F;
+  const auto width = static_cast<float>(event_camera_.width()), height = static_cast<float>(event_camera_.height());
+  const auto min_m = static_cast<float>(options_.min_depth_m), max_m = static_cast<float>(options_.max_depth_m);
+  const auto *ray_x = depth_rays_[0].ptr<float>(y), *ray_y = depth_rays_[1].ptr<float>(y);
+  const int columns = depth_rays_[0].cols;
+  int valid = 0, x = 0;
+  const auto warp = [&](float z, float a, float b) {
+    z = ValidDepthOrZero(z, min_m, max_m);
+    const float Z = z * (R(2, 0) * a + R(2, 1) * b + R(2, 2)) + t.z();
+    const float X = z * (R(0, 0) * a + R(0, 1) * b + R(0, 2)) + t.x();
+    const float Y = z * (R(1, 0) * a + R(1, 1) * b + R(1, 2)) + t.y();
+    const bool good = z > 0 && Z > 0.01F;  // also drops pixels without a ray (NaN)
+    const float inverse_depth = 1 / Z;
+    // Half a pixel ahead: truncation rounds.
+    const float u = fx * X * inverse_depth + cx, v = fy * Y * inverse_depth + cy;
+    const bool inside = good && u >= 0 && v >= 0 && u < width && v < height;
+    valid += good;
+    row_z_[x] = Z;
+    row_u_[x] = u;
+    row_v_[x] = v;
+    row_pixel_[x] = inside ? static_cast<int>(v) << 16 | static_cast<int>(u) : -1;
+  };
+#if CV_SIMD128
+  // The same operations in the same order, four readings at a time.
+  using cv::v_float32x4;
+  using cv::v_int32x4;
+  const auto all = [](float value) { return cv::v_setall_f32(value); };
+  const auto line = [&](const v_float32x4& a, const v_float32x4& b, int row) {
+    return all(R(row, 0)) * a + all(R(row, 1)) * b + all(R(row, 2));
+  };
+  v_int32x4 valid4 = cv::v_setzero_s32();
+  for (; x + 4 <= columns; x += 4) {
+    const v_float32x4 read = cv::v_load(z_depth + x), a = cv::v_load(ray_x + x), b = cv::v_load(ray_y + x);
+    const v_float32x4 z = read & (read >= all(min_m)) & (read <= all(max_m));
+    const v_float32x4 Z = z * line(a, b, 2) + all(t.z());
+    const v_float32x4 X = z * line(a, b, 0) + all(t.x());
+    const v_float32x4 Y = z * line(a, b, 1) + all(t.y());
+    const v_float32x4 good = (z > all(0)) & (Z > all(0.01F)), inverse_depth = all(1) / Z;
+    const v_float32x4 u = all(fx) * X * inverse_depth + all(cx), v = all(fy) * Y * inverse_depth + all(cy);
+    const v_float32x4 inside = good & (u >= all(0)) & (v >= all(0)) & (u < all(width)) & (v < all(height));
+    const v_int32x4 pixel = (cv::v_trunc(v) << 16) | cv::v_trunc(u);
+    valid4 = valid4 - cv::v_reinterpret_as_s32(good);  // a mask is -1
+    cv::v_store(row_z_.data() + x, Z);
+    cv::v_store(row_u_.data() + x, u);
+    cv::v_store(row_v_.data() + x, v);
+    cv::v_store(row_pixel_.data() + x, pixel | ~cv::v_reinterpret_as_s32(inside));
+  }
+  valid = cv::v_reduce_sum(valid4);
+#endif
+  for (; x < columns; ++x) warp(z_depth[x], ray_x[x], ray_y[x]);
+  return valid;
+}
+
 int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth, const std::vector<EdgePoint>& edges) {
-  if (depth.depth_m.size() != depth_rays_.size()) {
+  const cv::Size size = depth_rays_[0].size();
+  if (depth.depth_m.size() != size) {
     std::ostringstream message;
     message << "depth image of " << depth.depth_m.cols << "x" << depth.depth_m.rows << " pixels; expected "
-            << depth_rays_.cols << "x" << depth_rays_.rows << " as in the depth camera's calibration";
+            << size.width << "x" << size.height << " as in the depth camera's calibration";
     throw std::invalid_argument(message.str());
   }
   MarkNeighbourhoods(edges);
   first_.setTo(-1);
   cell_depth_.setTo(0);
-  readings_.clear();
   const Eigen::Matrix3f R = T_event_depth.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T_event_depth.translation().cast<float>();
-  const auto fx = static_cast<float>(event_camera_.fx()), fy = static_cast<float>(event_camera_.fy());
-  const auto cx = static_cast<float>(event_camera_.cx()) + 0.5F, cy = static_cast<float>(event_camera_.cy()) + 0.5F;
-  const auto width = static_cast<float>(event_camera_.width()), height = static_cast<float>(event_camera_.height());
-  const auto min_m = static_cast<float>(options_.min_depth_m), max_m = static_cast<float>(options_.max_depth_m);
-  int valid = 0;
-  for (int y = 0; y < depth.depth_m.rows; ++y) {
-    const float* z_depth = depth.depth_m[y];
-    const cv::Vec2f* ray = depth_rays_[y];
-    for (int x = 0; x < depth.depth_m.cols; ++x) {
-      const float z = ValidDepthOrZero(z_depth[x], min_m, max_m);
-      if (!(z > 0)) continue;
-      const float a = ray[x][0], b = ray[x][1];
-      const float Z = z * (R(2, 0) * a + R(2, 1) * b + R(2, 2)) + t.z();
-      if (!(Z > 0.01F)) continue;  // also drops pixels without a ray (NaN)
-      ++valid;
-      const float X = z * (R(0, 0) * a + R(0, 1) * b + R(0, 2)) + t.x();
-      const float Y = z * (R(1, 0) * a + R(1, 1) * b + R(1, 2)) + t.y();
-      const float inverse_depth = 1 / Z;
-      const float u = fx * X * inverse_depth + cx,
-                  v = fy * Y * inverse_depth + cy;  // half a pixel ahead: truncation rounds
-      if (!(u >= 0 && v >= 0 && u < width && v < height)) continue;
-      const int column = static_cast<int>(u), row = static_cast<int>(v);
-      float& cell = cell_depth_(row / kCell, column / kCell);
-      if (cell == 0 || Z < cell) cell = Z;
+  int valid = 0, count = 0;
+  for (int y = 0; y < size.height; ++y) {
+    valid += WarpRow(depth.depth_m[y], y, R, t);
+    // Neighbouring readings mostly fall into one cell: its nearest is kept at hand.
+    float unused = 0, *cell = &unused, nearest = 0;
+    for (int x = 0; x < size.width; ++x) {
+      const int pixel = row_pixel_[x];
+      if (pixel < 0) continue;
+      const int column = pixel & 0xFFFF, row = pixel >> 16;
+      const float Z = row_z_[x];
+      float* const own = cell_depth_[row / kCell] + column / kCell;
+      if (own != cell) {
+        *cell = nearest;
+        cell = own;
+        nearest = *cell > 0 ? *cell : Z;
+      }
+      nearest = std::min(nearest, Z);
       if (!wanted_(row, column)) continue;
-      readings_.push_back({u - 0.5F, v - 0.5F, Z, first_(row, column)});
-      first_(row, column) = static_cast<int>(readings_.size()) - 1;
+      int& first = first_(row, column);
+      readings_[count] = {row_u_[x] - 0.5F, row_v_[x] - 0.5F, Z, first};
+      first = count++;
     }
+    *cell = nearest;
   }
   return valid;
 }
@@ -109,11 +184,20 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
   std::size_t count = 0;
   const int reach = static_cast<int>(std::ceil(radius_px_));
   const int x_px = static_cast<int>(std::lround(x)), y_px = static_cast<int>(std::lround(y));
+  const float radius2 = radius_px_ * radius_px_;
+  // A reading lies within half a pixel of its pixel's centre: pixels farther than that from the circle are left out.
+  const auto gap2 = [](float d) {
+    const float gap = std::max(0.0F, std::abs(d) - 0.501F);
+    return gap * gap;
+  };
   for (int row = std::max(y_px - reach, 0); row <= std::min(y_px + reach, first_.rows - 1); ++row) {
+    const float row_gap2 = gap2(row - y);
+    const int* first = first_[row];
     for (int column = std::max(x_px - reach, 0); column <= std::min(x_px + reach, first_.cols - 1); ++column) {
-      for (int i = first_(row, column); i >= 0 && count < kMaxReadings; i = readings_[i].next) {
+      if (row_gap2 + gap2(column - x) > radius2) continue;
+      for (int i = first[column]; i >= 0 && count < kMaxReadings; i = readings_[i].next) {
         const float dx = readings_[i].u - x, dy = readings_[i].v - y;
-        if (dx * dx + dy * dy <= radius_px_ * radius_px_) around[count++] = {dx, dy, readings_[i].z};
+        if (dx * dx + dy * dy <= radius2) around[count++] = {dx, dy, readings_[i].z};
       }
     }
   }

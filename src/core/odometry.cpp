@@ -3,28 +3,31 @@
 
 #include <algorithm>
 #include <chrono>
+#include <future>
+#include <utility>
 
 #include "devo/core/mapper.h"
 #include "devo/core/surface_builder.h"
+#include "devo/core/task_thread.h"
 #include "devo/core/time.h"
 #include "devo/core/tracker.h"
 
 namespace devo {
 namespace {
 
-/// Appends the milliseconds of its lifetime.
+/// What a depth image gave is used from the surface so many after the next one on, whether it was ready before or not:
+/// mapping has that long to run beside tracking, and the result is the same with and without threads.
+constexpr std::size_t kMapDelay = 2;
+
+/// Milliseconds since it was made.
 class Stopwatch {
  public:
-  explicit Stopwatch(std::vector<float>* out_ms) : out_ms_(out_ms), begin_(std::chrono::steady_clock::now()) {}
-  ~Stopwatch() {
-    out_ms_->push_back(std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - begin_).count());
+  float ms() const {
+    return std::chrono::duration<float, std::milli>(std::chrono::steady_clock::now() - begin_).count();
   }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
 
  private:
-  std::vector<float>* out_ms_;
-  std::chrono::steady_clock::time_point begin_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
 OdometryOptions Validated(const OdometryOptions& options) {
@@ -32,24 +35,46 @@ OdometryOptions Validated(const OdometryOptions& options) {
   return options;
 }
 
+struct Tracked {
+  std::optional<PoseEstimate> pose;
+  float ms;
+};
+
+struct Mapped {
+  LocalMapPtr map;  // null where it did not change
+  SceneDepth scene_depth;
+  Mapper::Counters counters;
+  float ms;
+};
+
 }  // namespace
 
 struct Odometry::Impl {
-  Impl(const Rig& rig, const OdometryOptions& options_in)
+  Impl(const Rig& rig, const OdometryOptions& options_in, int threads)
       : options(Validated(options_in)), surfaces(rig.event_camera, options.surface), mapper(rig, options),
-        tracker(rig.event_camera, options), period_ns(NsFromSeconds(1.0 / options.surface.rate_hz)) {}
+        tracker(rig.event_camera, options), period_ns(NsFromSeconds(1.0 / options.surface.rate_hz)),
+        threaded(threads > 1), tracking_thread(threaded), mapping_thread(threaded) {}
 
   OdometryOptions options;
   SurfaceBuilder surfaces;
-  Mapper mapper;
-  Tracker tracker;
+  Mapper mapper;    // mapping_thread's
+  Tracker tracker;  // tracking_thread's, while `tracked` is open
   std::int64_t period_ns;
   std::int64_t next_ns = 0;  // time of the next surface; 0 before the first event
+  SceneDepth scene_depth;
+  std::vector<ImuSample> imu;  // since the last surface
+  SurfacePtr surface;          // the last one
+  std::shared_future<Tracked> tracked;
+  std::deque<std::future<Mapped>> mapped;  // of the last surfaces, oldest first
+  Mapper::Counters mapper_counters;
   Timings timings;
   mutable Counters counters;
+  bool threaded;
+  TaskThread tracking_thread, mapping_thread;  // last: joined before what they use goes
 };
 
-Odometry::Odometry(const Rig& rig, const OdometryOptions& options) : impl_(std::make_unique<Impl>(rig, options)) {}
+Odometry::Odometry(const Rig& rig, const OdometryOptions& options, int threads)
+    : impl_(std::make_unique<Impl>(rig, options, threads)) {}
 Odometry::~Odometry() = default;
 
 void Odometry::AddEvents(EventSpan events) {
@@ -59,10 +84,8 @@ void Odometry::AddEvents(EventSpan events) {
     // Surfaces lie on multiples of the period, so that streams cut anywhere give the same times.
     if (m.next_ns == 0) m.next_ns = (next->t_ns / m.period_ns + 1) * m.period_ns;
     const Event* until = std::partition_point(next, events.end(), [&](const Event& e) { return e.t_ns < m.next_ns; });
-    {
-      m.surfaces.Insert({next, static_cast<std::size_t>(until - next)});
-      next = until;
-    }
+    m.surfaces.Insert({next, static_cast<std::size_t>(until - next)});
+    next = until;
     if (next == events.end()) break;
     Step();
   }
@@ -70,40 +93,81 @@ void Odometry::AddEvents(EventSpan events) {
 
 void Odometry::Step() {
   Impl& m = *impl_;
-  SurfacePtr surface;
-  {
-    Stopwatch watch(&m.timings.surface_ms);
-    surface = m.surfaces.Render(m.next_ns, m.tracker.MeanVelocity(), m.mapper.scene_depth());
-  }
+  const Stopwatch filtering;
+  m.surfaces.Filter();  // beside the tracking of the surface before, whose velocity rendering needs
+  const float filter_ms = filtering.ms();
+  TakePose();
+  TakeMaps(kMapDelay);
+  for (const ImuSample& sample : m.imu) m.tracker.AddImu(sample);
+  m.imu.clear();
+
+  const Stopwatch rendering;
+  m.surface = m.surfaces.Render(m.next_ns, m.tracker.MeanVelocity(), m.scene_depth);
+  m.timings.surface_ms.push_back(filter_ms + rendering.ms());
   m.next_ns += m.period_ns;
-  std::optional<PoseEstimate> pose;
-  {
-    Stopwatch watch(&m.timings.tracking_ms);
-    pose = m.tracker.Track(*surface);
-  }
-  {
-    Stopwatch watch(&m.timings.mapping_ms);
+  const SurfacePtr surface = m.surface;
+  m.tracked = m.tracking_thread.Run([&m, surface]() -> Tracked {
+    const Stopwatch tracking;
+    auto pose = m.tracker.Track(*surface);
+    return {std::move(pose), tracking.ms()};
+  });
+  m.mapped.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked]() -> Mapped {
+    const std::optional<PoseEstimate>& pose = tracked.get().pose;
+    const Stopwatch mapping;
     m.mapper.AddSurface(surface);
     if (pose) m.mapper.AddPose(*pose);
-    if (const LocalMapPtr map = m.mapper.Update()) {
-      m.tracker.SetMap(map);
-      if (on_local_map) on_local_map(map);
-    }
-  }
-  if (pose && on_pose) on_pose(*pose, *surface);
+    LocalMapPtr map = m.mapper.Update();
+    return {std::move(map), m.mapper.scene_depth(), m.mapper.counters(), mapping.ms()};
+  }));
+  if (!m.threaded) TakePose();
 }
 
-void Odometry::AddDepth(const DepthImage& depth) { impl_->mapper.AddDepth(depth); }
+void Odometry::TakePose() {
+  Impl& m = *impl_;
+  if (!m.tracked.valid()) return;
+  const Tracked tracked = std::exchange(m.tracked, {}).get();
+  m.timings.tracking_ms.push_back(tracked.ms);
+  if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
+}
 
-void Odometry::AddImu(const ImuSample& sample) { impl_->tracker.AddImu(sample); }
+void Odometry::TakeMaps(std::size_t but_last) {
+  Impl& m = *impl_;
+  while (m.mapped.size() > but_last) {
+    auto next = std::move(m.mapped.front());
+    m.mapped.pop_front();
+    const Mapped mapped = next.get();
+    m.timings.mapping_ms.push_back(mapped.ms);
+    m.scene_depth = mapped.scene_depth;
+    m.mapper_counters = mapped.counters;
+    if (!mapped.map) continue;
+    m.tracker.SetMap(mapped.map);
+    if (on_local_map) on_local_map(mapped.map);
+  }
+}
 
-std::vector<MapPoint> Odometry::GlobalMap() const { return impl_->mapper.GlobalMap(); }
+void Odometry::Finish() {
+  TakePose();
+  TakeMaps(0);
+}
+
+void Odometry::AddDepth(const DepthImage& depth) {
+  Impl& m = *impl_;
+  m.mapping_thread.Run([&m, depth] { m.mapper.AddDepth(depth); });
+}
+
+void Odometry::AddImu(const ImuSample& sample) { impl_->imu.push_back(sample); }
+
+std::vector<MapPoint> Odometry::GlobalMap() const {
+  Impl& m = *impl_;
+  return m.mapping_thread.Run([&m] { return m.mapper.GlobalMap(); }).get();
+}
+
 const Odometry::Timings& Odometry::timings() const { return impl_->timings; }
 
 const Odometry::Counters& Odometry::counters() const {
   const Impl& m = *impl_;
   const auto& s = m.surfaces.counters();
-  const auto& d = m.mapper.counters();
+  const auto& d = m.mapper_counters;
   m.counters = {s.in,        s.used, s.outside, s.unordered, d.depth_in, d.depth_used, d.depth_without_valid_pixel,
                 d.references};
   return m.counters;

@@ -45,8 +45,21 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   reference.expected.assign(points.size(), 0);
   reference.met.assign(points.size(), 0);
   reference.points = std::move(points);
+  reference.last_seen = ++calls_;
   references_.push_back(std::move(reference));
+  ForgetBeyondBudget();
   return references_.back().id;
+}
+
+void ReferenceMap::ForgetBeyondBudget() {
+  const auto add = [](std::size_t sum, const Reference& reference) { return sum + reference.points.size(); };
+  std::size_t total = std::accumulate(references_.begin(), references_.end(), std::size_t{0}, add);
+  while (total > static_cast<std::size_t>(options_.max_map_points) && references_.size() > 1) {
+    const auto oldest = std::min_element(references_.begin(), references_.end() - 1,
+                                         [](const auto& a, const auto& b) { return a.last_seen < b.last_seen; });
+    total -= oldest->points.size();
+    references_.erase(oldest);
+  }
 }
 
 bool ReferenceMap::InView(const Reference& reference, const Rigid3& T_event_ref) const {
@@ -136,8 +149,10 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
                                  const Vector6d& velocity_event) {
   if (surface.nearest_edge.empty()) return;
   std::vector<bool> touched(references_.size(), false);
+  ++calls_;
   for (const Visible& point : visible) {
     Reference& reference = references_[point.reference];
+    reference.last_seen = calls_;
     const Eigen::Vector2f motion =
         ImageVelocity(velocity_event, point.p_event, camera_) * static_cast<float>(surface.window_s);
     const float across_px = motion.x() * point.normal_x + motion.y() * point.normal_y;
@@ -189,23 +204,33 @@ std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, 
   std::size_t quota = 1;
   while (quota < visible.size() && total(quota + 1) <= static_cast<std::size_t>(options_.max_points)) ++quota;
 
+  std::vector<Rigid3> T_ref_own;
+  for (const Reference& reference : references_) T_ref_own.push_back(T_world_ref.inverse() * reference.T_world_ref);
   std::vector<MapPoint> selected;
+  selected.reserve(std::min(visible.size(), quota * cells.size()));
+  std::vector<std::pair<std::uint32_t, std::size_t>> ranked;
   for (auto& cell : cells) {
     if (cell.size() > quota) {
-      // A fixed scatter of the index breaks ties: neighbours on one edge are not taken in a row.
-      const auto rank = [&](std::size_t i) {
+      // Best support first, in quarters; a fixed scatter of the index, which no two share, breaks ties: neighbours on
+      // one edge are not taken in a row.
+      ranked.clear();
+      for (const std::size_t i : cell) {
         const float support = SupportOf(references_[visible[i].reference], visible[i].point);
-        return std::make_pair(-std::floor(support * 4), (i * 2654435761U) & 0xFFFFFFU);
-      };
-      std::sort(cell.begin(), cell.end(), [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
+        const auto quarters = 4 - std::min(4U, static_cast<std::uint32_t>(support * 4));
+        ranked.emplace_back(quarters << 24 | ((i * 2654435761U) & 0xFFFFFFU), i);
+      }
+      const auto end = ranked.begin() + static_cast<std::ptrdiff_t>(quota);
+      std::nth_element(ranked.begin(), end, ranked.end());
+      std::sort(ranked.begin(), end);
       cell.resize(quota);
+      std::transform(ranked.begin(), end, cell.begin(), [](const auto& r) { return r.second; });
     }
     for (const std::size_t i : cell) {
       const Reference& reference = references_[visible[i].reference];
-      const Rigid3 T_ref_own = T_world_ref.inverse() * reference.T_world_ref;
+      const Rigid3& T = T_ref_own[visible[i].reference];
       MapPoint point = reference.points[visible[i].point];
-      point.p_ref = (T_ref_own * point.p_ref.cast<double>()).cast<float>();
-      point.normal_ref = (T_ref_own.rotation() * point.normal_ref.cast<double>()).cast<float>();
+      point.p_ref = (T * point.p_ref.cast<double>()).cast<float>();
+      point.normal_ref = (T.rotation() * point.normal_ref.cast<double>()).cast<float>();
       selected.push_back(point);
     }
   }

@@ -18,12 +18,23 @@ constexpr double kWideShare = 0.035, kMiddleShare = 0.012;
 // gap is turning. The grid's step is within the attraction.
 constexpr int kTurnSteps = 6;
 constexpr std::size_t kTurnsTried = 3, kPointsPerTurn = 300;
+// Starts are compared with so many points; only the best is aligned with all of them. A search must not hold up the
+// surfaces that follow.
+constexpr std::size_t kPointsPerTry = 500;
+constexpr float kMinDepth_m = 0.05F;
 
 Surface WithField(const Surface& surface, double radius_px) {
   Surface wide = surface;  // images are shared, edges copied
   wide.nearest_edge = cv::Mat1i(surface.height(), surface.width());
   BuildNearestEdgeField(surface.edges, radius_px, &wide.nearest_edge);
   return wide;
+}
+
+std::vector<MapPoint> Thinned(const std::vector<MapPoint>& points) {
+  const std::size_t stride = (points.size() + kPointsPerTry - 1) / kPointsPerTry;
+  std::vector<MapPoint> thinned;
+  for (std::size_t i = 0; i < points.size(); i += stride) thinned.push_back(points[i]);
+  return thinned;
 }
 
 }  // namespace
@@ -50,19 +61,26 @@ std::vector<Rigid3> Relocalizer::TurnedStarts(const Surface& wide, const LocalMa
   const auto radius_px = static_cast<float>(kWideShare * camera_.width());
   const Rigid3 T_event_ref = T_world_event.inverse() * map.T_world_ref;
   const std::size_t stride = std::max<std::size_t>(1, map.points.size() / kPointsPerTurn);
+  std::vector<Eigen::Vector3f> points_event;
+  for (std::size_t i = 0; i < map.points.size(); i += stride) {
+    points_event.emplace_back((T_event_ref * map.points[i].p_ref.cast<double>()).cast<float>());
+  }
+  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
+  const auto cx = static_cast<float>(camera_.cx()), cy = static_cast<float>(camera_.cy());
+  const auto max_u = static_cast<float>(camera_.width() - 2), max_v = static_cast<float>(camera_.height() - 2);
   std::vector<std::pair<float, Rigid3>> turns;  // score, T_world_event
   for (int yaw = -kTurnSteps; yaw <= kTurnSteps; ++yaw) {
     for (int pitch = -kTurnSteps; pitch <= kTurnSteps; ++pitch) {
       const Rigid3 turn = Rigid3::Rotation(ExpSO3({pitch * step_rad, yaw * step_rad, 0}));
-      const Rigid3 T = turn * T_event_ref;
+      const Eigen::Matrix3f R = turn.rotation().toRotationMatrix().cast<float>();
       float score = 0;
-      for (std::size_t i = 0; i < map.points.size(); i += stride) {
-        const auto u = camera_.Project(T * map.points[i].p_ref.cast<double>());
-        if (!u || !camera_.Contains(*u, 1)) continue;
-        const int id = wide.NearestEdge(static_cast<int>(u->x() + 0.5), static_cast<int>(u->y() + 0.5));
+      for (const Eigen::Vector3f& p_event : points_event) {
+        const Eigen::Vector3f p = R * p_event;
+        const float u = fx * p.x() / p.z() + cx, v = fy * p.y() / p.z() + cy;
+        if (!(p.z() > kMinDepth_m && u >= 1 && v >= 1 && u <= max_u && v <= max_v)) continue;
+        const int id = wide.NearestEdge(static_cast<int>(u + 0.5F), static_cast<int>(v + 0.5F));
         if (id < 0) continue;
-        const float dx = static_cast<float>(u->x()) - wide.edges[id].x,
-                    dy = static_cast<float>(u->y()) - wide.edges[id].y;
+        const float dx = u - wide.edges[id].x, dy = v - wide.edges[id].y;
         score += std::max(0.0F, 1 - std::sqrt(dx * dx + dy * dy) / radius_px);
       }
       turns.emplace_back(score, T_world_event * turn.inverse());
@@ -76,20 +94,28 @@ std::vector<Rigid3> Relocalizer::TurnedStarts(const Surface& wide, const LocalMa
   return starts;
 }
 
-void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map, const Rigid3& T_world_event,
-                      Found* best) const {
+void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map,
+                      const std::vector<MapPoint>& points, const Rigid3& T_world_event, Found* best) const {
   // From wide to narrow; without prior, as what moved since is unknown.
   OdometryOptions options = options_;
   PosePrior start;
   start.T_event_ref = T_world_event.inverse() * map->T_world_ref;
   start.sqrt_information = 1e-3 * Matrix6d::Identity();
   options.surface.truncation_px = kWideShare * surface.width();
-  start.T_event_ref = Align(map->points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
+  start.T_event_ref = Align(points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
   options.surface.truncation_px = std::max(options_.surface.truncation_px, kMiddleShare * surface.width());
-  start.T_event_ref = Align(map->points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
-  const AlignmentResult result = Align(map->points, surface, camera_, start, Vector6d::Zero(), options_);
+  start.T_event_ref = Align(points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
+  const AlignmentResult result = Align(points, surface, camera_, start, Vector6d::Zero(), options_);
   if (best->map && result.inlier_share <= best->alignment.inlier_share) return;
   *best = {map->T_world_ref * result.T_event_ref.inverse(), map, result};
+}
+
+void Relocalizer::AlignAllPoints(const Surface& surface, Found* found) const {
+  PosePrior start;
+  start.T_event_ref = found->alignment.T_event_ref;
+  start.sqrt_information = 1e-3 * Matrix6d::Identity();
+  found->alignment = Align(found->map->points, surface, camera_, start, Vector6d::Zero(), options_);
+  found->T_world_event = found->map->T_world_ref * found->alignment.T_event_ref.inverse();
 }
 
 std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, const LocalMapPtr& map,
@@ -98,17 +124,20 @@ std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, co
   if (surface.nearest_edge.empty() || surface.edges.empty()) return std::nullopt;
   const Surface wide = WithField(surface, kWideShare * surface.width());
   Found best;
+  const std::vector<MapPoint> points = Thinned(map->points);
   for (const Rigid3& T_world_event : hypotheses) {
-    Try(surface, wide, map, T_world_event, &best);
-    for (const Rigid3& start : TurnedStarts(wide, *map, T_world_event)) Try(surface, wide, map, start, &best);
+    Try(surface, wide, map, points, T_world_event, &best);
+    for (const Rigid3& start : TurnedStarts(wide, *map, T_world_event)) Try(surface, wide, map, points, start, &best);
   }
   if (search_places) {
     for (std::size_t k = 0; k < std::min(kPlacesPerSearch, places_.size()); ++k) {
       const LocalMapPtr& place = places_[next_place_++ % places_.size()];
-      Try(surface, wide, place, place->T_world_ref, &best);
+      Try(surface, wide, place, Thinned(place->points), place->T_world_ref, &best);
     }
   }
-  if (!best.map || best.alignment.inlier_share < min_share) return std::nullopt;
+  if (!best.map) return std::nullopt;
+  AlignAllPoints(surface, &best);
+  if (best.alignment.inlier_share < min_share) return std::nullopt;
   return best;
 }
 

@@ -180,6 +180,10 @@ void SurfaceBuilder::Insert(EventSpan events) {
   m.counters.in += events.size;
 }
 
+void SurfaceBuilder::Filter() {
+  if (impl_->compensated) impl_->FilterNewEvents();
+}
+
 SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& scene_depth) {
   Impl& m = *impl_;
   auto surface = m.pool.Take();

@@ -257,6 +257,9 @@ void MappingNode::Publish(const LocalMapPtr& map) {
   map_publisher_.publish(ToBoost(map));
   local_cloud_publisher_.publish(
       ToPointCloudMsg(map->points, T_odom_world_ * map->T_world_ref, map->t_ns, odom_frame_));
+  // A map composed for another view has no new points: copying all of them for each would cost more the longer it runs.
+  if (mapper_->counters().references == references_published_ && !global_map_.empty()) return;
+  references_published_ = mapper_->counters().references;
   std::vector<MapPoint> all = mapper_->GlobalMap();
   global_map_wanted_ = true;
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/ros/time_surface_node.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -32,7 +34,7 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
     : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)),
       max_backlog_s_(ReadDouble(private_nh, "max_backlog_s", 0.15, 0.01, 10)),
       reset_after_gap_s_(ReadDouble(private_nh, "reset_after_gap_s", 10, 0.5, 1e6)),
-      max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 4000, 10, 1000000))),
+      max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 2000, 10, 1000000))),
       period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), health_(nh, private_nh), image_transport_(nh) {
   const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
   RefuseUnknown(private_nh,
@@ -193,6 +195,7 @@ void TimeSurfaceNode::TakeMessages() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_builder_) builder_ = std::move(new_builder_);
     messages.swap(messages_);
+    burst_ = burst_ || queued_events_ > max_queued_events_ / 4;
     queued_events_ = 0;
     std::swap(reset, reset_requested_);
     if (builder_) counters_ = builder_->counters();
@@ -202,6 +205,7 @@ void TimeSurfaceNode::TakeMessages() {
     batches_.clear();
     BeginEpoch();
   }
+  if (messages.empty() && batches_.empty() && burst_) ReturnMemory();
   for (const EventMessage& message : messages) {
     Batch batch;
     batch.arrival = message.arrival;
@@ -223,6 +227,13 @@ void TimeSurfaceNode::TakeMessages() {
     input_->Arrived(first_ns);
     batches_.push_back(std::move(batch));
   }
+}
+
+void TimeSurfaceNode::ReturnMemory() {
+  burst_ = false;
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 void TimeSurfaceNode::DropBatches() {

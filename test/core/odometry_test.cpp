@@ -146,9 +146,9 @@ struct Outcome {
 };
 
 /// Feeds the sequence, events in slices of random sizes up to `max_slice`.
-Outcome OutcomeWith(std::size_t max_slice) {
+Outcome OutcomeWith(std::size_t max_slice, int threads = 1) {
   static const std::vector<Event> events = MakeEvents();
-  Odometry odometry(TestRig(), WithoutFilter());
+  Odometry odometry(TestRig(), WithoutFilter(), threads);
   Outcome run;
   odometry.on_pose = [&](const PoseEstimate& pose, const Surface& surface) {
     EXPECT_EQ(pose.t_ns, surface.t_ns);
@@ -170,6 +170,7 @@ Outcome OutcomeWith(std::size_t max_slice) {
       next = end;
     }
   }
+  odometry.Finish();
   run.counters = odometry.counters();
   run.surfaces = odometry.timings().surface_ms.size();
   return run;
@@ -230,6 +231,33 @@ TEST(Odometry, GivesTheSamePosesHoweverTheEventsAreCut) {
     }
     EXPECT_EQ(other.surfaces, reference.surfaces);
   }
+}
+
+TEST(Odometry, GivesTheSamePosesAndMapsWithThreads) {
+  const Outcome reference = OutcomeWith(1000), other = OutcomeWith(1000, 2);
+  ASSERT_EQ(other.poses.size(), reference.poses.size());
+  for (std::size_t k = 0; k < reference.poses.size(); ++k) {
+    ASSERT_EQ(other.poses[k].t_ns, reference.poses[k].t_ns);
+    ASSERT_EQ(other.poses[k].T_world_event.matrix(), reference.poses[k].T_world_event.matrix());
+    ASSERT_EQ(other.poses[k].reference_id, reference.poses[k].reference_id);
+  }
+  ASSERT_EQ(other.maps.size(), reference.maps.size());
+  for (std::size_t k = 0; k < reference.maps.size(); ++k) {
+    ASSERT_EQ(other.maps[k]->t_ns, reference.maps[k]->t_ns);
+    ASSERT_EQ(other.maps[k]->points.size(), reference.maps[k]->points.size());
+  }
+  EXPECT_EQ(other.counters.depth_used, reference.counters.depth_used);
+  EXPECT_EQ(other.surfaces, reference.surfaces);
+}
+
+TEST(Odometry, DeliversAnErrorOfItsThreadsToTheCaller) {
+  Odometry odometry(TestRig(), WithoutFilter(), 2);
+  odometry.AddDepth({kStart_ns, cv::Mat1f(10, 10, 1.0F)});
+  const auto feed = [&] {
+    odometry.AddEvents(MakeEvents());
+    odometry.Finish();
+  };
+  EXPECT_THAT(feed, ThrowsMessage<std::invalid_argument>(HasSubstr("10x10")));
 }
 
 TEST(Odometry, HasNoPoseWithoutDepth) {

@@ -196,5 +196,27 @@ TEST(ReferenceMap, GivesSelectedPointsInTheFrameOfTheViewAndAllPointsInWorld) {
   EXPECT_LT((T_world_view * selected[0].p_ref.cast<double>() - in_world).norm(), 1e-5);
 }
 
+TEST(ReferenceMap, ForgetsTheReferenceThatWasOutOfViewForLongestWhenItIsFull) {
+  const Camera camera(100, 80, 100, 100, 49.5, 39.5, "", {});
+  MappingOptions options;
+  options.max_map_points = 1000;
+  ReferenceMap map(camera, options);
+  const auto points = [](float x) {
+    MapPoint point;
+    point.p_ref = {x, 0, 2};
+    return std::vector<MapPoint>(400, point);
+  };
+  const int seen_again = map.Add(0, Rigid3(), points(0));
+  const int forgotten = map.Add(1, Rigid3::Translation({10, 0, 0}), points(0));
+  Surface surface;
+  surface.image = cv::Mat1b(80, 100, std::uint8_t{0});
+  surface.nearest_edge = cv::Mat1i(80, 100, std::int32_t{Surface::kNoEdge});
+  map.UpdateSupport(surface, map.Project(Rigid3(), nullptr), Vector6d::Zero());
+  const int newest = map.Add(2, Rigid3::Translation({20, 0, 0}), points(0));
+  ASSERT_EQ(map.references().size(), 2U) << "without " << forgotten;
+  EXPECT_EQ(map.references()[0].id, seen_again);
+  EXPECT_EQ(map.references()[1].id, newest);
+}
+
 }  // namespace
 }  // namespace devo

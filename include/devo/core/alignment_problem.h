@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// Residuals and Jacobian of the 3D-2D alignment, in the form that ceres::TinySolver minimises.
+// Residuals and Jacobian of the 3D-2D alignment, and both compressed to the form that ceres::TinySolver minimises.
 #pragma once
 
 #include <vector>
@@ -35,6 +35,16 @@ class AlignmentProblem {
   /// `jacobian` is NumResiduals() x 6, column-major, with respect to `dtheta`; may be null.
   bool operator()(const double* dtheta, double* residuals, double* jacobian) const;
 
+  /// Sums over all residuals r and their Jacobian J with respect to `dtheta`.
+  struct Sums {
+    Matrix6d information;  ///< J'J
+    Matrix6d of_points;    ///< the same of the points alone, without the prior
+    Vector6d gradient;     ///< J'r
+    double squared_norm;   ///< r'r
+  };
+  /// Without storing a row per point. Only `squared_norm` is set when `with_jacobian` is false.
+  Sums SumsAt(const Vector6d& dtheta, bool with_jacobian) const;
+
   /// Signed distance of a point's projection to its edge in pixels (or the paper's field, 0 to 1).
   struct Sample {
     bool matched = false;
@@ -47,6 +57,13 @@ class AlignmentProblem {
   float truncation() const { return truncation_; }
 
  private:
+  /// One point's residual at `T` = (R, t) and, where it is matched, its row of the Jacobian with respect to a right
+  /// perturbation of T. Returns whether it is matched.
+  bool PointRow(const AlignmentPoint& point, const Eigen::Matrix3f& R, const Eigen::Vector3f& t, float* residual,
+                Eigen::Matrix<float, 6, 1>* row) const;
+  /// The prior's six residuals and their Jacobian with respect to `dtheta`, T = T_event_ref * Exp(dtheta).
+  Vector6d PriorResidual(const Rigid3& T) const;
+  Matrix6d PriorJacobian(const Rigid3& T, const Matrix6d& J_r) const;
   Sample SampleNearestEdge(const AlignmentPoint& point, float u, float v) const;
   Sample SamplePlainSurface(float u, float v) const;
 
@@ -57,6 +74,21 @@ class AlignmentProblem {
   Rigid3 T_event_ref_;
   bool plain_;
   float truncation_, huber_;
+  float unmatched_;  // residual of a point without match
+};
+
+/// The problem as seven residuals with the same J'J, J'r and r'r as all of them, so that the solver takes the same
+/// steps with matrices of fixed size: nothing is allocated, and the points' rows are never stored.
+class CompressedProblem {
+ public:
+  using Scalar = double;
+  enum { NUM_RESIDUALS = 7, NUM_PARAMETERS = 6 };
+
+  explicit CompressedProblem(const AlignmentProblem& problem) : problem_(problem) {}
+  bool operator()(const double* dtheta, double* residuals, double* jacobian) const;
+
+ private:
+  const AlignmentProblem& problem_;
 };
 
 /// Smallest cosine between the normals of a point and of an edge that may match.

@@ -56,14 +56,19 @@ class DepthRegistration {
 
   void MarkNeighbourhoods(const std::vector<EdgePoint>& edges);
 
+  /// Warps row `y` of a depth image into row_z_ and so on; returns the number of valid readings.
+  int WarpRow(const float* z_depth, int y, const Eigen::Matrix3f& R, const Eigen::Vector3f& t);
+
   Camera event_camera_;
   MappingOptions options_;
-  cv::Mat2f depth_rays_;
-  float radius_px_;   // of the neighbourhood, from the ratio of the cameras' resolutions
-  cv::Mat1b wanted_;  // pixels whose readings are listed
-  cv::Mat1i first_;   // head of each pixel's list, -1 empty
-  std::vector<Reading> readings_;
+  std::vector<cv::Mat> depth_rays_;  // x and y of the rays (x, y, 1), one image each
+  float radius_px_;                  // of the neighbourhood, from the ratio of the cameras' resolutions
+  cv::Mat1b wanted_;                 // pixels whose readings are listed
+  cv::Mat1i first_;                  // head of each pixel's list, -1 empty
+  std::vector<Reading> readings_;    // room for all pixels of a depth image
   cv::Mat1f cell_depth_;
+  std::vector<float> row_z_, row_u_, row_v_;  // one warped row; u and v half a pixel ahead
+  std::vector<int> row_pixel_;                // row << 16 | column in the event image, -1 outside
 };
 
 }  // namespace devo

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The whole odometry on one page: events and depth in, poses and a map out, in data time, on one thread.
+// The whole odometry on one page: events and depth in, poses and a map out, in data time.
 // The offline runner calls this class; the three nodelets call its three parts from three queues.
 #pragma once
 
@@ -26,12 +26,15 @@ namespace devo {
 
 class Odometry {
  public:
-  /// Throws std::invalid_argument when an option is out of range.
-  Odometry(const Rig& rig, const OdometryOptions& options);
+  /// With `threads` above 1, a surface is tracked beside the insertion and filtering of the next one's events, and
+  /// depth is mapped beside both, on two threads of its own. The results are the same to the last bit. Throws
+  /// std::invalid_argument when an option is out of range.
+  Odometry(const Rig& rig, const OdometryOptions& options, int threads = 1);
   ~Odometry();
 
-  /// Consecutive events, ordered in time. Every surface whose time has passed is rendered and tracked
-  /// before the call returns: poses arrive through `on_pose` in the order of their time.
+  /// Consecutive events, ordered in time. Every surface whose time has passed is rendered before the call returns. Its
+  /// pose arrives through `on_pose`, on the caller's thread: before the call returns or, with threads, when the next
+  /// surface is due.
   void AddEvents(EventSpan events);
 
   /// A depth image; images come in the order of their time, each before events that are later than it
@@ -42,18 +45,22 @@ class Odometry {
   /// of time, each before events that are later than it by more than a surface period.
   void AddImu(const ImuSample& sample);
 
+  /// There are no more events: waits for what is under way and delivers it.
+  void Finish();
+
   std::function<void(const PoseEstimate&, const Surface&)> on_pose;  ///< once per tracked pose
   std::function<void(const LocalMapPtr&)> on_local_map;              ///< once per new local map
 
-  /// All map points of all references, frame `world`.
+  /// All map points of all references made of what was added so far, frame `world`.
   std::vector<MapPoint> GlobalMap() const;
 
-  /// Milliseconds spent per call, in order, for the report.
+  /// Milliseconds spent per surface, in order, for the report: all of them after Finish.
   struct Timings {
     std::vector<float> surface_ms, mapping_ms, tracking_ms;
   };
   const Timings& timings() const;
 
+  /// Of depth, what mapping had done for the last map taken over: all of it after Finish.
   struct Counters {
     std::uint64_t events_in = 0, events_used = 0, events_outside = 0, events_unordered = 0;
     std::uint64_t depth_in = 0, depth_used = 0, depth_without_valid_pixel = 0, references = 0;
@@ -62,6 +69,8 @@ class Odometry {
 
  private:
   void Step();
+  void TakePose();
+  void TakeMaps(std::size_t but_last);
 
   struct Impl;
   std::unique_ptr<Impl> impl_;

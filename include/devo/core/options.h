@@ -32,6 +32,7 @@ struct MappingOptions {
   double new_reference_distance_m = 0.1;
   double new_reference_angle_rad = 0.1;
   int max_points = 2000;
+  int max_map_points = 200000;
 };
 
 struct TrackingOptions {
@@ -83,6 +84,8 @@ void VisitOptions(Options& o, Visitor&& visit) {
   visit("mapping.new_reference_angle_rad", o.mapping.new_reference_angle_rad, 0.0, 3.2,
         "without reuse: rotation after which a new reference is made");
   visit("mapping.max_points", o.mapping.max_points, 50, 100000, "points that tracking registers");
+  visit("mapping.max_map_points", o.mapping.max_map_points, 1000, 100000000,
+        "points of all references; beyond it the one that was out of view for longest is forgotten");
   visit("tracking.max_iterations", o.tracking.max_iterations, 1, 200, "of the minimisation, per pose");
   visit("tracking.huber_share", o.tracking.huber_share, 0.001, 10.0,
         "where the robust loss turns linear, as a share of the truncation");

@@ -51,7 +51,8 @@ class ReferenceMap {
   /// points that almost never do (noise, moving things, wrong depth).
   void UpdateSupport(const Surface& surface, const std::vector<Visible>& visible, const Vector6d& velocity_event);
 
-  /// Adds a reference with `points` in its own frame. Returns its id.
+  /// Adds a reference with `points` in its own frame. Returns its id. Beyond max_map_points, references that were out
+  /// of view for longest are forgotten.
   int Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points);
 
   /// At most max_points of the visible points, spread over the image, in the frame `ref` of a view at
@@ -69,6 +70,7 @@ class ReferenceMap {
     std::vector<float> expected, met;  // support of each point
     Eigen::Vector3f center_ref;        // sphere around the points
     float radius_m;
+    std::uint64_t last_seen;  // in which call of UpdateSupport or Add
   };
   const std::vector<Reference>& references() const { return references_; }
   bool empty() const { return references_.empty(); }
@@ -80,11 +82,13 @@ class ReferenceMap {
  private:
   bool InView(const Reference& reference, const Rigid3& T_event_ref) const;
   void Prune(Reference* reference);
+  void ForgetBeyondBudget();
 
   Camera camera_;
   MappingOptions options_;
   std::vector<Reference> references_;
   int next_id_ = 0;
+  std::uint64_t calls_ = 0;
 };
 
 }  // namespace devo

@@ -42,8 +42,9 @@ class Relocalizer {
 
  private:
   std::vector<Rigid3> TurnedStarts(const Surface& wide, const LocalMap& map, const Rigid3& T_world_event) const;
-  void Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map, const Rigid3& T_world_event,
-           Found* best) const;
+  void Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map, const std::vector<MapPoint>& points,
+           const Rigid3& T_world_event, Found* best) const;
+  void AlignAllPoints(const Surface& surface, Found* found) const;
 
   Camera camera_;
   OdometryOptions options_;

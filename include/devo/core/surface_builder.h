@@ -31,6 +31,10 @@ class SurfaceBuilder {
   /// rates beyond what a surface uses only the newest are kept, so that the cost stays flat.
   void Insert(EventSpan events);
 
+  /// Filters the events inserted so far, which Render else does first: that part needs no velocity and so need not wait
+  /// for tracking. The surface is the same.
+  void Filter();
+
   /// The surface at `t_ns` from the events inserted so far (all should be before `t_ns`).
   /// `velocity_event`: [v; omega], m/s and rad/s, of and in the event frame at `t_ns`.
   SurfacePtr Render(std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& scene_depth);

@@ -89,6 +89,7 @@ class MappingNode {
   std::int64_t judged_ns_ = 0;  // depth image whose alignment was judged last
   cv::Mat2f depth_rays_;
   bool global_map_wanted_ = false;
+  std::uint64_t references_published_ = 0;  // in the global map
 
   Health health_;
   std::shared_ptr<Input> surface_input_, depth_input_;

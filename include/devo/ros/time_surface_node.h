@@ -59,6 +59,8 @@ class TimeSurfaceNode {
   bool Step();
   void TakeMessages();
   void DropBatches();
+  /// To the system, what queues took that are empty now: the allocator would keep it.
+  void ReturnMemory();
   void BeginEpoch();
   bool SkipWhenBehind();
   Vector6d AwaitVelocity();
@@ -101,6 +103,7 @@ class TimeSurfaceNode {
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event
   std::int64_t next_tick_ns_ = 0;     // 0: not set
   std::int64_t last_surface_ns_ = 0;  // 0: none in this epoch
+  bool burst_ = false;                // many events waited since memory was returned
   int unanswered_ = 0;                // surfaces in a row that tracking did not answer in time
   ros::WallTime last_arrival_;
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "devo/core/mapper.h"
 #include "devo/core/surface_builder.h"
@@ -94,6 +95,8 @@ void Odometry::Step() {
 }
 
 void Odometry::AddDepth(const DepthImage& depth) { impl_->mapper.AddDepth(depth); }
+
+void Odometry::AddSweep(LidarSweep sweep) { impl_->mapper.AddSweep(std::move(sweep)); }
 
 void Odometry::AddImu(const ImuSample& sample) { impl_->tracker.AddImu(sample); }
 

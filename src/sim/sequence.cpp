@@ -70,6 +70,12 @@ DepthModel BuildDepth(const SequenceOptions& o, const EventSensor& sensor) {
   return m;
 }
 
+LidarModel BuildLidar(const SequenceOptions& o) {
+  LidarModel model;
+  model.rate_hz = o.lidar_rate_hz;
+  return model;
+}
+
 double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
@@ -81,7 +87,7 @@ struct Sequence::Impl {
       : options((Validate(options_in), options_in)), scene(BuildScene(options)),
         trajectory(BuildTrajectory(options, scene)), sensor(BuildSensor(options)), pool(options.threads),
         rays(sensor.camera), pixels(sensor, rays.stride(), options.seed), readout(sensor.pixel),
-        depth_sensor(scene, BuildDepth(options, sensor), options.seed), lidar(scene, LidarModel(), options.seed),
+        depth_sensor(scene, BuildDepth(options, sensor), options.seed), lidar(scene, BuildLidar(options), options.seed),
         imu({}, options.seed), frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, options.seed) {
     begin_ns = NsFromSeconds(options.start_s) / kTick_ns * kTick_ns;
     end_ns = begin_ns + NsFromSeconds(options.duration_s) / kTick_ns * kTick_ns;

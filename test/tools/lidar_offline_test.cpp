@@ -28,10 +28,10 @@ class LidarOffline : public ::testing::Test {
   }
   void TearDown() override { ASSERT_EQ(std::system(("rm -rf " + folder_).c_str()), 0); }
 
-  void Simulate(const std::string& more) {
-    const ProgramResult result =
-        RunProgram("devo_simulate",
-                   "--out " + folder_ + "/sim --sensor davis240 --duration 2.5 --no-frames --no-imu --quiet " + more);
+  void Simulate(const std::string& more, double duration_s = 2.5) {
+    const ProgramResult result = RunProgram(
+        "devo_simulate", "--out " + folder_ + "/sim --sensor davis240 --no-frames --no-imu --quiet --duration " +
+                             std::to_string(duration_s) + " " + more);
     ASSERT_EQ(result.status, 0) << result.err;
   }
   std::string Trajectory(const std::string& arguments) {
@@ -75,7 +75,7 @@ TEST_F(LidarOffline, FollowsTheMotionInAHallThatIsTooLargeForADepthCamera) {
 }
 
 TEST_F(LidarOffline, ReadsMvsecsCloudsWithoutTimesThroughItsOwnCalibration) {
-  Simulate("--scene table --speed mid --dialect mvsec --sensor davis240");
+  Simulate("--scene table --speed mid --dialect mvsec");
   Trajectory(
       "--config " DEVO_SOURCE_DIR "/config/mvsec.yaml --set topics.points=/velodyne_point_cloud calibration.path=" +
       folder_ + "/sim_calib/camchain-imucam-sim.yaml --bag " + folder_ + "/sim_data.bag " + folder_ + "/sim_gt.bag");
@@ -83,7 +83,7 @@ TEST_F(LidarOffline, ReadsMvsecsCloudsWithoutTimesThroughItsOwnCalibration) {
 }
 
 TEST_F(LidarOffline, ReadsVectorsCloudsThroughItsOwnCalibration) {
-  Simulate("--scene table --speed mid --dialect vector --sensor davis240");
+  Simulate("--scene table --speed mid --dialect vector");
   const std::string stem = folder_ + "/sim.synced.";
   Trajectory("--config " DEVO_SOURCE_DIR
              "/config/vector.yaml --set topics.points=/ouster/point_cloud calibration.path=" +
@@ -92,7 +92,7 @@ TEST_F(LidarOffline, ReadsVectorsCloudsThroughItsOwnCalibration) {
 }
 
 TEST_F(LidarOffline, NamesTheExtrinsicsThatAreMissing) {
-  Simulate("--scene table --duration 0.3 --lidar --depth none");
+  Simulate("--scene table --lidar --depth none", 0.3);
   const auto run = [this](const std::string& frame) {
     return RunProgram("devo_offline", "--config " DEVO_SOURCE_DIR "/config/simulated.yaml --set " +
                                           std::string("topics.points=/velodyne_points frames.depth=") + frame +

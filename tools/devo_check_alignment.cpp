@@ -345,6 +345,11 @@ void Report(const Arguments& arguments, const RigConfig& config, const Checker& 
 
 void Main(const Arguments& arguments) {
   const RigConfig config = LoadRigConfig(arguments.configs, arguments.overrides);
+  if (config.depth_from_lidar()) {
+    throw std::invalid_argument(
+        "key 'topics.points' is given, expected depth images (key 'topics.depth'): the alignment " +
+        std::string("of a LiDAR's sweeps is not checked"));
+  }
   BagReader reader(arguments.bags, config, arguments.range);
   Rig rig = reader.ReadRig();
   if (rig.depth_registered) {

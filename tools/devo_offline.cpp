@@ -165,6 +165,13 @@ class Run {
       ++report_.depth_skipped_by_rate;
     }
   }
+  void Take(const devo::LidarSweep& sweep) {
+    if (thinning_.Keep(sweep.end_ns)) {
+      odometry_.AddSweep(sweep);
+    } else {
+      ++report_.depth_skipped_by_rate;
+    }
+  }
   void Take(const devo::ImuSample& sample) { odometry_.AddImu(sample); }
   void Take(const devo::GroundTruthPose& truth) {
     if (arguments_.ground_truth.empty()) truth_.push_back(truth.pose);
@@ -190,7 +197,10 @@ class Run {
     }
     const auto& c = report_.counters;
     const std::string events = "events of topic '" + config_.topics.events + "' ";
-    const std::string depth = "depth images of topic '" + config_.topics.depth + "' ";
+    const bool lidar = config_.depth_from_lidar();
+    const std::string& depth_topic = lidar ? config_.topics.points : config_.topics.depth;
+    const std::string depth_kind = lidar ? "sweeps" : "depth images";
+    const std::string depth = depth_kind + " of topic '" + depth_topic + "' ";
     Complain(c.events_outside, c.events_in,
              events + "lie outside the image, expected x below " + std::to_string(rig_.event_camera.width()) +
                  " and y below " + std::to_string(rig_.event_camera.height()) + " (is event_camera the right one?)");
@@ -199,12 +209,14 @@ class Run {
     Complain(report_.depth_unordered, c.depth_in + report_.depth_unordered + report_.depth_skipped_by_rate,
              depth + "are not later than the one before, expected stamps that rise");
     if (c.depth_without_valid_pixel > 0 && c.depth_used == 0 && report_.error.empty()) {
-      report_.error = "no image of topic '" + config_.topics.depth + "' (" + std::to_string(c.depth_in) +
-                      ") has a valid pixel, expected readings between mapping.min_depth_m and mapping.max_depth_m";
+      report_.error = std::string("no ") + (lidar ? "sweep" : "image") + " of topic '" + depth_topic + "' (" +
+                      std::to_string(c.depth_in) + ") has a " +
+                      (lidar ? "point in the event camera's view" : "valid pixel") +
+                      ", expected readings between mapping.min_depth_m and mapping.max_depth_m";
     }
     if (report_.trajectory().empty() && report_.error.empty()) {
-      report_.error = "no pose: " + std::to_string(c.events_in) + " events and " + std::to_string(c.depth_in) +
-                      " depth images made no reference, expected events and depth of the same time and a moving camera";
+      report_.error = "no pose: " + std::to_string(c.events_in) + " events and " + std::to_string(c.depth_in) + " " +
+                      depth_kind + " made no reference, expected events and depth of the same time and a moving camera";
     }
   }
 

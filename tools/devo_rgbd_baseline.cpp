@@ -73,6 +73,7 @@ std::vector<StampedImage> ReadFrames(const Arguments& arguments) {
 
 Recording ReadRecording(const Arguments& arguments, const RigConfig& config) {
   Recording recording;
+  if (config.depth_from_lidar()) throw std::runtime_error("key 'topics.points' is given, expected depth images");
   BagReader reader(arguments.bags, config);
   recording.rig = reader.ReadRig();
   if (recording.rig.depth_registered) {

@@ -73,7 +73,11 @@ void AddOptions(CLI::App* app, Arguments* a) {
   app->add_option("--multipath", s.multipath, "strength of the depth's bias in corners, e.g. 0.2")
       ->capture_default_str()
       ->group("Sensors");
-  app->add_flag("--lidar", s.lidar, "add a 16-beam LiDAR at 10 Hz")->group("Sensors");
+  app->add_flag("--lidar", s.lidar, "add a 16-beam LiDAR")->group("Sensors");
+  app->add_option("--lidar-rate", s.lidar_rate_hz, "turns of the LiDAR per second")
+      ->check(CLI::Range(1.0, 30.0))
+      ->capture_default_str()
+      ->group("Sensors");
   app->add_flag("--no-frames", a->no_frames, "no frames of the event camera")->group("Sensors");
   app->add_flag("--no-imu", a->no_imu, "no IMU")->group("Sensors");
   app->add_option("--dialect", a->dialect,
@@ -96,6 +100,7 @@ void ApplyDialect(const CLI::App& app, Arguments* a) {
   if (app.count("--sensor") == 0) a->sequence.sensor = mvsec ? "davis346_mvsec" : "gen3_vector";
   if (app.count("--depth") == 0 && mvsec) a->depth = "registered";
   if (app.count("--depth-rate") == 0 && mvsec) a->sequence.depth_rate_hz = 20;
+  if (app.count("--lidar-rate") == 0 && mvsec) a->sequence.lidar_rate_hz = 20;
   a->sequence.lidar = true;
   if (!mvsec) {
     a->sequence.regular_camera = true;

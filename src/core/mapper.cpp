@@ -11,25 +11,34 @@ namespace devo {
 namespace {
 
 constexpr std::size_t kMaxSurfaces = 32;  // 0.3 s at 100 Hz: the latency of a depth camera's driver
-constexpr std::size_t kMaxDepths = 8;
+constexpr std::size_t kMaxDepths = 8, kMaxSweeps = 4;
 // The first reference decides the scale of all that follows: it waits for enough edges.
 constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
 // The local map is composed anew when the view has moved by this share of the scene's depth, or this angle.
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
 
+/// What the depth images are taken with: those made of sweeps are in the undistorted event image.
+Camera DepthCamera(const Rig& rig) {
+  if (rig.depth_from_lidar) return rig.event_camera.Undistorted();
+  return rig.depth_registered ? rig.event_camera : rig.depth_camera;
+}
+
 }  // namespace
 
 Mapper::Mapper(const Rig& rig, const OdometryOptions& options)
     : rig_(rig), options_(options), camera_(rig.event_camera.Undistorted()),
-      registration_(camera_, rig.depth_registered ? rig.event_camera : rig.depth_camera, options.mapping),
+      registration_(camera_, DepthCamera(rig), options.mapping), lidar_(camera_, rig.T_event_depth, options.mapping),
       map_(camera_, options.mapping) {
-  if (rig_.depth_registered) rig_.T_event_depth = Rigid3();
+  if (rig_.depth_registered || rig_.depth_from_lidar) rig_.T_event_depth = Rigid3();
 }
 
 void Mapper::Reset() {
   surfaces_.clear();
   depths_.clear();
+  sweeps_.clear();
+  lidar_.Clear();
+  lidar_depth_ = DepthImage();
   poses_.Clear();
   velocity_.setZero();
   trackable_ = false;
@@ -70,6 +79,12 @@ void Mapper::AddDepth(const DepthImage& depth) {
   if (depths_.size() > kMaxDepths) depths_.pop_front();
 }
 
+void Mapper::AddSweep(LidarSweep sweep) {
+  ++counters_.depth_in;
+  sweeps_.push_back(std::move(sweep));
+  if (sweeps_.size() > kMaxSweeps) sweeps_.pop_front();
+}
+
 SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
   SurfacePtr best;
   for (const SurfacePtr& surface : surfaces_) {
@@ -80,6 +95,13 @@ SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
 
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
+  options_changed_ = false;
+  changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
+  return changed || ViewMoved() ? MakeLocalMap() : nullptr;
+}
+
+bool Mapper::UpdateFromDepth() {
+  bool changed = false;
   while (!depths_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= depths_.front().t_ns) {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
@@ -89,7 +111,40 @@ LocalMapPtr Mapper::Update() {
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) changed |= Process(depth, surface);
     depths_.pop_front();
   }
-  return changed || ViewMoved() ? MakeLocalMap() : nullptr;
+  return changed;
+}
+
+bool Mapper::UpdateFromSweeps() {
+  bool changed = false;
+  while (!sweeps_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= sweeps_.front().end_ns) {
+    if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
+    const LidarSweep sweep = std::move(sweeps_.front());
+    sweeps_.pop_front();
+    // Without poses the surface of the time in which the sweep passed the view; with them the newest.
+    const auto t_ns = map_.empty() ? lidar_.TimeInView(sweep) : sweep.end_ns;
+    const SurfacePtr surface = t_ns ? SurfaceFor(*t_ns) : nullptr;
+    const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
+    if (depth) {
+      changed |= Process(*depth, surface);
+    } else {
+      ++counters_.depth_without_valid_pixel;
+    }
+  }
+  return changed;
+}
+
+std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface& surface) {
+  if (map_.empty()) {
+    lidar_.Start(sweep, Rigid3());
+    lidar_depth_ = lidar_.Render(surface.t_edges_ns, Rigid3());
+    return lidar_depth_;
+  }
+  const auto T_world_surface = poses_.At(surface.t_edges_ns, 0.05);
+  if (!T_world_surface) return std::nullopt;
+  // Extrapolated poses would smear the accumulated points for as long as they are kept.
+  if (trackable_) lidar_.Add(sweep, poses_);
+  lidar_depth_ = lidar_.Render(surface.t_edges_ns, *T_world_surface);
+  return lidar_depth_;
 }
 
 bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {

@@ -155,6 +155,11 @@ void Odometry::AddDepth(const DepthImage& depth) {
   m.mapping_thread.Run([&m, depth] { m.mapper.AddDepth(depth); });
 }
 
+void Odometry::AddSweep(LidarSweep sweep) {
+  Impl& m = *impl_;
+  m.mapping_thread.Run([&m, sweep = std::move(sweep)]() mutable { m.mapper.AddSweep(std::move(sweep)); });
+}
+
 void Odometry::AddImu(const ImuSample& sample) { impl_->imu.push_back(sample); }
 
 std::vector<MapPoint> Odometry::GlobalMap() const {

@@ -51,6 +51,14 @@ DatasetCalibration ReadVectorCalibration(const std::string& directory) {
   const Rigid3 T_color_depth =
       TransformIn(base + "rgbd_camera_calibrated_extrinsic_results.yaml", "cam1", "T_cam0_cam1");
   result.T_event_depth = T_cam0_event.inverse() * T_cam0_color * T_color_depth;
+  const std::string lidar = base + "camera_lidar_extrinsic_results.yaml";
+  if (Exists(lidar)) {
+    // The LiDAR was recorded in the large-scale sequences, for which the cameras were mounted anew.
+    const std::string large = base + "large_scale_joint_camera_extrinsic_results.yaml";
+    const Rigid3 T_cam0_event_then = Exists(large) ? TransformIn(large, "cam2", "T_cam0_cam2") : T_cam0_event;
+    // Its cam1 is the left regular camera, which the joint calibration calls cam0.
+    result.T_event_lidar = T_cam0_event_then.inverse() * TransformIn(lidar, "cam1", "T_cam_lidar");
+  }
   // The rig was mounted anew between sequences, so the published file has a number.
   for (const char* name : {"camera_mocap_extrinsic_results.yaml", "camera_mocap_extrinsic_results1.yaml"}) {
     if (!result.T_body_event && Exists(base + name)) {

@@ -17,9 +17,12 @@ const std::map<std::string, std::string>& ValueGroups() {
   static const std::map<std::string, std::string> groups = {
       {"event_camera", "intrinsics; else CameraInfo of topics.event_camera_info; else an error"},
       {"depth_camera",
-       "intrinsics; else CameraInfo of topics.depth_camera_info; else an error; not needed when registered"},
+       "intrinsics; else CameraInfo of topics.depth_camera_info; else an error; not needed when registered or with a "
+       "LiDAR"},
       {"T_event_depth",
-       "depth camera's pose in the event camera's frame; else tf_static; else an error; not needed when registered"},
+       "pose of the depth camera, or of the LiDAR, in the event camera's frame; else tf_static; else an error; not "
+       "needed when "
+       "registered"},
       {"T_body_event",
        "event camera's pose in the frame of the body whose pose ground truth is, where that is another"}};
   return groups;
@@ -179,7 +182,9 @@ void FillFromCalibrationFiles(RigConfig* config) {
                                       : ReadMvsecCalibration(config->calibration.path);
   if (!config->event_camera) config->event_camera = read.event_camera;
   if (!config->depth_camera) config->depth_camera = read.depth_camera;
-  if (!config->T_event_depth) config->T_event_depth = read.T_event_depth;
+  if (!config->T_event_depth) {
+    config->T_event_depth = config->depth_from_lidar() ? read.T_event_lidar : read.T_event_depth;
+  }
   if (!config->T_body_event) config->T_body_event = read.T_body_event;
 }
 

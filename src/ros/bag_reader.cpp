@@ -43,7 +43,7 @@ StampedPose PoseFrom(const std::string& md5, const ByteSpan& bytes) {
   return {FromRosTime(m.header.stamp), FromTransformMsg(m.transform)};
 }
 
-enum class Role { kDepth, kImu, kGroundTruth, kEvents };
+enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
 
 }  // namespace
 
@@ -72,13 +72,12 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
   if (paths.empty()) throw std::runtime_error("no bag is given, expected at least one");
   for (const std::string& path : paths) bags_.push_back(std::make_unique<BagFile>(path));
   const Topics& topics = config_.topics;
-  if (!topics.points.empty()) {
-    throw std::runtime_error("topic '" + topics.points +
-                             "' (key 'topics.points'): point clouds are not read from bags, " +
-                             "expected depth images (key 'topics.depth')");
-  }
+  const bool lidar = config_.depth_from_lidar();
+  const std::string depth_topic = lidar ? "" : topics.depth;
   const std::vector<std::pair<Role, std::vector<std::size_t>>> found = {
-      {Role::kDepth, FindTopic("topics.depth", topics.depth, true, {Md5<sensor_msgs::Image>()}, "sensor_msgs/Image")},
+      {Role::kDepth, FindTopic("topics.depth", depth_topic, !lidar, {Md5<sensor_msgs::Image>()}, "sensor_msgs/Image")},
+      {Role::kPoints,
+       FindTopic("topics.points", topics.points, lidar, {Md5<sensor_msgs::PointCloud2>()}, "sensor_msgs/PointCloud2")},
       {Role::kImu, FindTopic("topics.imu", topics.imu, false, {Md5<sensor_msgs::Imu>()}, "sensor_msgs/Imu")},
       {Role::kGroundTruth,
        FindTopic("topics.ground_truth", topics.ground_truth, false,
@@ -87,7 +86,7 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
       {Role::kEvents,
        FindTopic("topics.events", topics.events, true, {Md5<EventArray>(), Md5<EventPacket>()},
                  "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket")}};
-  const std::string names[] = {topics.depth, topics.imu, topics.ground_truth, topics.events};
+  const std::string names[] = {depth_topic, topics.points, topics.imu, topics.ground_truth, topics.events};
   for (const auto& role : found) {
     for (const std::size_t b : role.second) {
       auto stream = std::make_unique<Stream>();
@@ -227,14 +226,21 @@ ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
 
 Rigid3 BagReader::DepthToEvent() {
   if (config_.T_event_depth) return *config_.T_event_depth;
-  const std::string hint = "; expected key 'T_event_depth', '/tf_static' in a bag, or 'registered: true'";
+  const bool lidar = config_.depth_from_lidar();
+  const std::string hint =
+      std::string("; expected key 'T_event_depth'") +
+      (lidar ? " (the LiDAR's pose) or '/tf_static' in a bag" : ", '/tf_static' in a bag, or 'registered: true'");
   const Topics& topics = config_.topics;
   const std::string event = FrameFor(config_.frames.event, topics.event_camera_info, topics.events);
-  const std::string depth = FrameFor(config_.frames.depth, topics.depth_camera_info, topics.depth);
+  const std::string depth = lidar ? FrameFor(config_.frames.depth, "", topics.points)
+                                  : FrameFor(config_.frames.depth, topics.depth_camera_info, topics.depth);
   if (event.empty() || depth.empty()) {
-    throw std::runtime_error(std::string("no extrinsics: the ") + (event.empty() ? "event" : "depth") +
-                             " camera's messages name no frame_id (key 'frames." + (event.empty() ? "event" : "depth") +
-                             "')" + hint);
+    throw std::runtime_error(std::string("no extrinsics: the ") +
+                             (event.empty() ? "event camera"
+                              : lidar       ? "LiDAR"
+                                            : "depth camera") +
+                             "'s messages name no frame_id (key 'frames." + (event.empty() ? "event" : "depth") + "')" +
+                             hint);
   }
   try {
     return FromTransformMsg(Transforms().lookupTransform(event, depth, ros::Time(0)).transform);
@@ -246,8 +252,13 @@ Rigid3 BagReader::DepthToEvent() {
 Rig BagReader::ReadRig() {
   Rig rig;
   rig.event_camera = CameraFor("event_camera", config_.event_camera, config_.topics.event_camera_info);
-  rig.depth_registered = config_.registered;
-  if (config_.registered) {
+  rig.depth_from_lidar = config_.depth_from_lidar();
+  rig.depth_registered = config_.registered && !rig.depth_from_lidar;
+  if (rig.depth_from_lidar) {
+    rig.T_event_depth = DepthToEvent();
+    return rig;
+  }
+  if (rig.depth_registered) {
     rig.depth_camera = rig.event_camera;
     return rig;
   }
@@ -278,6 +289,11 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
                                     NsFromSeconds(config_.depth_time_offset_s));
     ahead.t_ns = depth.t_ns;
     ahead.item = std::move(depth);
+  } else if (stream->role == Role::kPoints) {
+    LidarSweep sweep = ToLidarSweep(Deserialise<sensor_msgs::PointCloud2>(bytes), config_.points_turn_s,
+                                    NsFromSeconds(config_.depth_time_offset_s));
+    ahead.t_ns = sweep.end_ns;
+    ahead.item = std::move(sweep);
   } else if (stream->role == Role::kImu) {
     const ImuSample sample = ImuInEventFrame(Deserialise<sensor_msgs::Imu>(bytes));
     ahead.t_ns = sample.t_ns;

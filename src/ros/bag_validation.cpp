@@ -80,7 +80,7 @@ class Validator {
       if (!bag->defect().empty()) Problem(bag->defect() + "; record again or run `rosbag reindex`");
     }
     CheckEvents();
-    CheckDepth();
+    config_->depth_from_lidar() ? CheckPoints() : CheckDepth();
     CheckOverlap();
     CheckImu();
     CheckGroundTruth();
@@ -174,6 +174,9 @@ class Validator {
       const std::string encoding = EncodingOf(t.name);
       return encoding == "16UC1" || encoding == "32FC1";
     });
+    if (topics.depth.empty()) {
+      topics.points = Busiest([](const BagTopic& t) { return Is<sensor_msgs::PointCloud2>(t); });
+    }
     topics.imu = Busiest([](const BagTopic& t) { return Is<sensor_msgs::Imu>(t); });
     topics.ground_truth = Busiest([](const BagTopic& t) {
       return t.type == "geometry_msgs/PoseStamped" || t.type == "nav_msgs/Odometry" ||
@@ -320,6 +323,53 @@ class Validator {
     }
   }
 
+  /// A LiDAR in place of a depth camera.
+  void CheckPoints() {
+    const std::string& topic = config_->topics.points;
+    if (!CheckTopic("topics.points", topic, Is<sensor_msgs::PointCloud2>(TypeOf(topic)), "sensor_msgs/PointCloud2"))
+      return;
+    std::string fields;
+    std::size_t points = 0, without_ring = 0;
+    double longest_s = 0;
+    std::vector<float> ranges;
+    ForEachMessage(topic, [&](const BagTopic&, const ByteSpan& bytes) {
+      const auto cloud = Deserialise<sensor_msgs::PointCloud2>(bytes);
+      fields.clear();
+      for (const auto& field : cloud.fields) fields += " " + field.name;
+      try {
+        const LidarSweep sweep =
+            ToLidarSweep(cloud, config_->points_turn_s, NsFromSeconds(config_->depth_time_offset_s));
+        depth_stamps_.Add(sweep.end_ns);
+        points += sweep.points.size();
+        for (const LidarPoint& point : sweep.points) {
+          without_ring += point.ring < 0;
+          longest_s = std::max(longest_s, SecondsFromNs(sweep.end_ns - point.t_ns));
+        }
+        if (!sweep.points.empty()) ranges.push_back(sweep.points[sweep.points.size() / 2].p_lidar.norm());
+      } catch (const std::runtime_error& e) {
+        unusable_ = e.what();
+      }
+      return true;
+    });
+    if (!unusable_.empty()) Problem("topic '" + topic + "': " + unusable_);
+    if (points == 0) {
+      if (unusable_.empty()) Problem("topic '" + topic + "' (key 'topics.points') holds no points");
+      return;
+    }
+    DescribeStamps("LiDAR " + topic, depth_stamps_);
+    Say(Format("  %zu sweeps of %zu points on average, fields%s; the points of a sweep span %.0f ms\n",
+               depth_stamps_.messages, points / depth_stamps_.messages, fields.c_str(), 1e3 * longest_s));
+    if (longest_s == 0) {
+      Warn("the points carry no times: a moving LiDAR's sweeps stay distorted; give the duration of a turn (key " +
+           std::string("'points_turn_s')"));
+    }
+    if (without_ring > 0) Warn("the points name no ring: no depth between them, expected a field 'ring' or 'line'");
+    if (depth_stamps_.longest_gap_ns > NsFromSeconds(1.5)) {
+      Warn(Format("no points for %.2f s at %.3f s", SecondsFromNs(depth_stamps_.longest_gap_ns),
+                  SecondsFromNs(depth_stamps_.gap_at_ns)));
+    }
+  }
+
   void AddValidPixels(const DepthImage& depth, double* valid_share, std::vector<float>* medians,
                       std::size_t* empty) const {
     const MappingOptions& options = config_->odometry.mapping;
@@ -446,17 +496,15 @@ class Validator {
         Problem(Format("events reach x %d, y %d, outside the event camera's %dx%d: its calibration is another camera's",
                        event_columns_ - 1, event_rows_ - 1, camera.width(), camera.height()));
       }
+      if (rig.depth_from_lidar) {
+        DescribePose("LiDAR", rig.T_event_depth);
+        return;
+      }
       const Camera& depth = rig.depth_camera;
       if (!rig.depth_registered) {
-        const Eigen::Vector3d p = rig.T_event_depth.translation();
-        Say(
-            Format("depth camera %dx%d, f %.1f %.1f; at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by "
-                   "%.1f deg (%s; %s)\n",
-                   depth.width(), depth.height(), depth.fx(), depth.fy(), p.x(), p.y(), p.z(),
-                   RotationAngle(rig.T_event_depth) * 57.29578,
-                   SourceOf(config_->depth_camera, config_->topics.depth_camera_info).c_str(),
-                   config_->T_event_depth ? "configuration" : "/tf_static"));
-        if (p.norm() > 1) Warn("the cameras are more than 1 m apart: are the extrinsics in metres?");
+        DescribePose(Format("depth camera %dx%d, f %.1f %.1f (%s);", depth.width(), depth.height(), depth.fx(), depth.fy(),
+                            SourceOf(config_->depth_camera, config_->topics.depth_camera_info).c_str()),
+                     rig.T_event_depth);
       }
       if (depth_columns_ != depth.width() || depth_rows_ != depth.height()) {
         Problem(Format("depth images are %dx%d, their camera's calibration %dx%d", depth_columns_, depth_rows_,
@@ -467,14 +515,28 @@ class Validator {
     }
   }
 
+  void DescribePose(const std::string& sensor, const Rigid3& T_event_sensor) {
+    const Eigen::Vector3d p = T_event_sensor.translation();
+    Say(sensor + Format(" at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by %.1f deg (%s)\n", p.x(), p.y(),
+                        p.z(), RotationAngle(T_event_sensor) * 57.29578,
+                        config_->T_event_depth ? "configuration" : "/tf_static"));
+    if (p.norm() > 1) Warn("the sensors are more than 1 m apart: are the extrinsics in metres?");
+  }
+
   void ProposeYaml() {
     const Topics& t = config_->topics;
     Say("\nA yaml to begin with:\n\ntopics:\n");
-    Say("  events: " + t.events + "\n  event_camera_info: \"" + t.event_camera_info + "\"\n  depth: " + t.depth +
-        "\n  depth_camera_info: \"" + t.depth_camera_info + "\"\n  imu: \"" + t.imu + "\"\n  ground_truth: \"" +
-        t.ground_truth + "\"\n");
+    const bool lidar = config_->depth_from_lidar();
+    Say("  events: " + t.events + "\n  event_camera_info: \"" + t.event_camera_info + "\"\n" +
+        (lidar ? "  points: " + t.points
+               : "  depth: " + t.depth + "\n  depth_camera_info: \"" + t.depth_camera_info + "\"") +
+        "\n  imu: \"" + t.imu + "\"\n  ground_truth: \"" + t.ground_truth + "\"\n");
     if (t.event_camera_info.empty())
       Say("event_camera: {}   # width, height, fx, fy, cx, cy, distortion_model, distortion_coefficients\n");
+    if (lidar) {
+      if (topics_.count("/tf_static") == 0) Say("T_event_depth: {}  # 16 numbers: the LiDAR's pose\n");
+      return;
+    }
     if (t.depth_camera_info.empty()) Say("depth_camera: {}   # the same\n");
     if (FrameOf(t.events) == FrameOf(t.depth) && !FrameOf(t.depth).empty()) {
       Say("registered: true   # events and depth name the same frame\n");

@@ -48,8 +48,11 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
                                           "map_file", "image_transport", "depth_queue_size", "diagnostic_period"}));
   config_.odometry = ReadTunables(private_nh, Module::kMapping, config_.odometry);
   if (!event_frame.empty()) config_.frames.event = event_frame;
-  const std::string depth_topic = InputTopic(nh_, "depth/image_raw", config_.topics.depth);
-  if (depth_topic.empty()) throw std::invalid_argument("topics.depth is empty; expected the topic of the depth images");
+  config_.topics.points = InputTopic(nh_, "points", config_.topics.points);
+  const bool lidar = config_.depth_from_lidar();
+  depth_topic_ = lidar ? config_.topics.points : InputTopic(nh_, "depth/image_raw", config_.topics.depth);
+  if (depth_topic_.empty())
+    throw std::invalid_argument("topics.depth is empty; expected the topic of the depth images");
 
   map_publisher_ = nh_.advertise<LocalMap>(topics::kSemiDenseMap, 4);
   scene_depth_publisher_ = nh_.advertise<SceneDepth>(topics::kSceneDepth, 2);
@@ -57,7 +60,7 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   global_cloud_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>(topics::kGlobalMap, 1, true);
   overlay_publisher_ = image_transport_.advertise(topics::kDepthOverlayImage, 2);
   surface_input_ = health_.AddInput("surfaces", nh_.resolveName(topics::kSurface), "TimeSurface");
-  depth_input_ = health_.AddInput("depth", depth_topic, "Image");
+  depth_input_ = health_.AddInput("depth", depth_topic_, lidar ? "PointCloud2" : "Image");
   RigResolver::Need need;
   need.depth = true;
   need.base_frame = base_frame_;
@@ -72,10 +75,7 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   pose_subscriber_ = nh_.subscribe<PoseEstimate>(
       topics::kTrackedPose, 64,
       boost::function<void(const PoseConstPtr&)>([this](const PoseConstPtr& pose) { OnPose(pose); }));
-  depth_subscriber_ = image_transport_.subscribe(
-      depth_topic, static_cast<std::uint32_t>(depth_queue_size_),
-      [this](const sensor_msgs::ImageConstPtr& image) { OnDepth(image); }, ros::VoidPtr(),
-      image_transport::TransportHints(transport, ros::TransportHints(), private_nh_));
+  SubscribeToDepth(transport);
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,
                                          [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
@@ -83,11 +83,29 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   health_.Start();
 }
 
+void MappingNode::SubscribeToDepth(const std::string& transport) {
+  const auto queue_size = static_cast<std::uint32_t>(depth_queue_size_);
+  if (config_.depth_from_lidar()) {
+    points_subscriber_ = nh_.subscribe<sensor_msgs::PointCloud2>(
+        depth_topic_, queue_size, [this](const sensor_msgs::PointCloud2ConstPtr& points) {
+          OnDepth(points->header, {nullptr, points});
+        });
+  } else {
+    depth_subscriber_ = image_transport_.subscribe(
+        depth_topic_, queue_size,
+        [this](const sensor_msgs::ImageConstPtr& image) {
+          OnDepth(image->header, {image, nullptr});
+        },
+        ros::VoidPtr(), image_transport::TransportHints(transport, ros::TransportHints(), private_nh_));
+  }
+}
+
 MappingNode::~MappingNode() {
   surface_subscriber_.shutdown();
   pose_subscriber_.shutdown();
   depth_subscriber_.shutdown();
   tunables_.reset();
+  points_subscriber_.shutdown();
   save_service_.shutdown();
   worker_.reset();
 }
@@ -106,10 +124,6 @@ void MappingNode::OnOptions(const OdometryOptions& options) {
   const std::lock_guard<std::mutex> lock(mutex_);
   config_.odometry = options;
   options_changed_ = true;
-}
-
-std::int64_t MappingNode::TimeOf(const sensor_msgs::Image& image) const {
-  return FromRosTime(image.header.stamp) + NsFromSeconds(config_.depth_time_offset_s);
 }
 
 void MappingNode::OnSurface(const SurfaceConstPtr& surface) {
@@ -131,10 +145,11 @@ void MappingNode::OnPose(const PoseConstPtr& pose) {
   worker_->Wake();
 }
 
-void MappingNode::OnDepth(const sensor_msgs::ImageConstPtr& image) {
-  const std::int64_t t_ns = TimeOf(*image);
+void MappingNode::OnDepth(const std_msgs::Header& header, DepthMessage message) {
+  const std::int64_t t_ns = FromRosTime(header.stamp) + NsFromSeconds(config_.depth_time_offset_s);
+  message.t_ns = t_ns;
   depth_input_->Arrived(t_ns);
-  rig_->SetDepthFrame(image->header.frame_id);
+  rig_->SetDepthFrame(header.frame_id);
   const std::lock_guard<std::mutex> lock(mutex_);
   if (last_depth_ns_ != 0 && SecondsFromNs(t_ns - last_depth_ns_) < -kBackwards_s) {
     depths_.clear();
@@ -142,7 +157,7 @@ void MappingNode::OnDepth(const sensor_msgs::ImageConstPtr& image) {
     depth_awaits_epoch_ = SecondsFromNs(surface_ns_ - t_ns) > kBackwards_s;
   }
   last_depth_ns_ = t_ns;
-  depths_.push_back(image);
+  depths_.push_back(std::move(message));
   if (depths_.size() > depth_queue_size_) {
     depths_.pop_front();
     ++depth_dropped_;
@@ -150,12 +165,12 @@ void MappingNode::OnDepth(const sensor_msgs::ImageConstPtr& image) {
   }
 }
 
-std::deque<sensor_msgs::ImageConstPtr> MappingNode::TakeDepth() {
-  std::deque<sensor_msgs::ImageConstPtr> taken, waiting;
+std::deque<MappingNode::DepthMessage> MappingNode::TakeDepth() {
+  std::deque<DepthMessage> taken, waiting;
   if (depth_awaits_epoch_) return taken;
-  for (sensor_msgs::ImageConstPtr& image : depths_) {
-    const double ahead_s = SecondsFromNs(TimeOf(*image) - surface_ns_);
-    (ahead_s > -kDepthAge_s && ahead_s < kDepthAhead_s ? taken : waiting).push_back(std::move(image));
+  for (DepthMessage& message : depths_) {
+    const double ahead_s = SecondsFromNs(message.t_ns - surface_ns_);
+    (ahead_s > -kDepthAge_s && ahead_s < kDepthAhead_s ? taken : waiting).push_back(std::move(message));
   }
   depths_.swap(waiting);
   return taken;
@@ -164,7 +179,7 @@ std::deque<sensor_msgs::ImageConstPtr> MappingNode::TakeDepth() {
 bool MappingNode::Step() {
   PoseConstPtr answer;
   std::deque<SurfaceConstPtr> surfaces;
-  std::deque<sensor_msgs::ImageConstPtr> depths;
+  std::deque<DepthMessage> depths;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_mapper_) mapper_ = std::move(new_mapper_);
@@ -186,11 +201,12 @@ bool MappingNode::Step() {
   }
   try {
     const ros::WallTime begin = ros::WallTime::now();
-    for (const auto& image : depths) AddDepth(image);
+    for (const DepthMessage& message : depths) AddDepth(message);
     Feed(surfaces, *answer);
     const LocalMapPtr map = mapper_->Update();
     const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
-    if (mapper_->last_match().surface) JudgeAlignment(mapper_->last_match());
+    if (mapper_->last_match().surface && !resolved_.rig.depth_from_lidar) JudgeAlignment(mapper_->last_match());
+    DrawLidarOverlay();
     if (mapper_->scene_depth().t_ns != scene_depth_ns_) {
       scene_depth_ns_ = mapper_->scene_depth().t_ns;
       scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
@@ -209,17 +225,26 @@ bool MappingNode::Step() {
   return true;
 }
 
-void MappingNode::AddDepth(const sensor_msgs::ImageConstPtr& image) {
+void MappingNode::AddImage(const sensor_msgs::Image& image) {
+  const DepthImage depth = ToDepthImage(image, config_.depth_scale, NsFromSeconds(config_.depth_time_offset_s));
+  const Camera& camera = resolved_.rig.depth_camera;
+  if (depth.depth_m.cols != camera.width() || depth.depth_m.rows != camera.height()) {
+    throw std::runtime_error("depth images are " + std::to_string(depth.depth_m.cols) + "x" +
+                             std::to_string(depth.depth_m.rows) + "; expected " + std::to_string(camera.width()) + "x" +
+                             std::to_string(camera.height()) + " as the depth camera's calibration says");
+  }
+  mapper_->AddDepth(depth);
+  DrawDepthOverlay(depth, resolved_.rig);
+}
+
+void MappingNode::AddDepth(const DepthMessage& message) {
   try {
-    const DepthImage depth = ToDepthImage(*image, config_.depth_scale, NsFromSeconds(config_.depth_time_offset_s));
-    const Camera& camera = resolved_.rig.depth_camera;
-    if (depth.depth_m.cols != camera.width() || depth.depth_m.rows != camera.height()) {
-      throw std::runtime_error("depth images are " + std::to_string(depth.depth_m.cols) + "x" +
-                               std::to_string(depth.depth_m.rows) + "; expected " + std::to_string(camera.width()) +
-                               "x" + std::to_string(camera.height()) + " as the depth camera's calibration says");
+    if (message.image) {
+      AddImage(*message.image);
+    } else {
+      mapper_->AddSweep(
+          ToLidarSweep(*message.points, config_.points_turn_s, NsFromSeconds(config_.depth_time_offset_s)));
     }
-    mapper_->AddDepth(depth);
-    if (overlay_publisher_.getNumSubscribers() > 0) DrawDepthOverlay(depth);
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(10, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -273,10 +298,20 @@ void MappingNode::PublishGlobalMap() {
   global_cloud_publisher_.publish(ToPointCloudMsg(global_map_, T_odom_world_, last_surface_->t_ns, odom_frame_));
 }
 
-void MappingNode::DrawDepthOverlay(const DepthImage& depth) {
-  if (!last_surface_) return;
+void MappingNode::DrawDepthOverlay(const DepthImage& depth, const Rig& rig) {
+  if (!last_surface_ || overlay_publisher_.getNumSubscribers() == 0) return;
   overlay_publisher_.publish(
-      ToImageMsg(RenderDepthOverlay(*last_surface_, depth, resolved_.rig), depth.t_ns, resolved_.event_frame));
+      ToImageMsg(RenderDepthOverlay(*last_surface_, depth, rig), depth.t_ns, resolved_.event_frame));
+}
+
+void MappingNode::DrawLidarOverlay() {
+  const DepthImage& depth = mapper_->lidar_depth();
+  if (depth.depth_m.empty() || depth.t_ns == drawn_ns_) return;
+  drawn_ns_ = depth.t_ns;
+  Rig rig;  // what the sweeps became is in the undistorted event image
+  rig.event_camera = resolved_.rig.event_camera;
+  rig.depth_camera = rig.event_camera.Undistorted();
+  DrawDepthOverlay(depth, rig);
 }
 
 bool MappingNode::OnSaveMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {

@@ -37,7 +37,7 @@ RigResolver::RigResolver(const ros::NodeHandle& nh, const RigConfig& config, Nee
 }
 
 void RigResolver::Start() {
-  const bool needs_extrinsics = NeedsDepthCamera() && !config_.T_event_depth;
+  const bool needs_extrinsics = NeedsExtrinsics() && !config_.T_event_depth;
   const bool needs_transforms = needs_extrinsics || !need_.base_frame.empty();
   if (!event_.camera || ((needs_transforms || need_.event_frame) && event_.frame.empty())) Subscribe(&event_);
   if (NeedsDepthCamera() && (!depth_.camera || (needs_extrinsics && depth_.frame.empty()))) Subscribe(&depth_);
@@ -96,11 +96,14 @@ void RigResolver::TryToResolve() {
   ResolvedRig result;
   result.event_frame = event_.frame.empty() ? "event_camera" : WithoutLeadingSlash(event_.frame);
   result.rig.event_camera = *event_.camera;
-  result.rig.depth_registered = config_.registered;
+  result.rig.depth_from_lidar = config_.depth_from_lidar();
+  result.rig.depth_registered = config_.registered && !config_.depth_from_lidar();
   result.rig.depth_camera = *event_.camera;
   if (NeedsDepthCamera()) {
     if (!depth_.camera) return;
     result.rig.depth_camera = *depth_.camera;
+  }
+  if (NeedsExtrinsics()) {
     const std::optional<Rigid3> T = config_.T_event_depth ? config_.T_event_depth : Lookup(event_.frame, depth_.frame);
     if (!T) return;
     result.rig.T_event_depth = *T;
@@ -120,6 +123,8 @@ std::vector<std::string> RigResolver::Missing(const KnownTopics& known) const {
   if (!event_.camera) sentences.push_back(MissingCamera(known, event_));
   if (NeedsDepthCamera()) {
     if (!depth_.camera) sentences.push_back(MissingCamera(known, depth_));
+  }
+  if (NeedsExtrinsics()) {
     if (!config_.T_event_depth && !Lookup(event_.frame, depth_.frame)) {
       sentences.push_back(MissingTransform("T_event_depth", event_.frame, depth_.frame));
     }

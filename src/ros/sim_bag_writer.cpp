@@ -15,6 +15,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include "devo/EventArray.h"
+#include "devo/core/time.h"
 #include "devo/io/trajectory.h"
 #include "devo/ros/message_conversion.h"
 #include "devo/sim/rig_file.h"
@@ -47,11 +48,22 @@ class PlainWriter : public SimBagWriter {
   PlainWriter(const std::string& stem, const sim::Sequence& sequence) : sequence_(sequence), stem_(stem) {
     OpenSimBag(stem + ".bag", rosbag::compression::LZ4, &bag_);
     files_ = {stem + ".bag", stem + ".yaml", stem + "_groundtruth.txt"};
+    using Depth = sim::SequenceOptions::Depth;
     const auto& o = sequence.options();
     const std::string comment = "Simulated: scene " + o.scene + ", sensor " + o.sensor + ", " + o.light + " light, " +
                                 (o.trajectory_file.empty() ? o.speed + " motion" : "given motion") + ", seed " +
                                 std::to_string(o.seed);
     WriteSimText(stem + ".yaml", sim::RigYaml(sequence.rig(), o.depth_time_offset_s, comment));
+    if (o.lidar) {
+      Rig rig = sequence.rig();
+      rig.depth_registered = false;
+      rig.depth_from_lidar = true;
+      rig.T_event_depth = sequence.lidar_model().T_event_lidar;
+      // The only source of depth, or one that can be had instead.
+      const std::string path = stem + (o.depth == Depth::kNone ? ".yaml" : "_lidar.yaml");
+      WriteSimText(path, sim::RigYaml(rig, 0, comment));
+      if (o.depth != Depth::kNone) files_.push_back(path);
+    }
     WriteTransforms();
   }
 
@@ -224,25 +236,33 @@ geometry_msgs::PoseStamped ToPoseMsg(std::int64_t t_ns, const Rigid3& T, const s
   return m;
 }
 
-sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::string& frame_id) {
+sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::string& frame_id, PointLayout layout,
+                                         double turn_s) {
+  using sensor_msgs::PointField;
   sensor_msgs::PointCloud2 m;
-  m.header.stamp = Stamp(scan.t_ns);
+  m.header.stamp = Stamp(scan.t_ns + (layout == PointLayout::kVelodyneOld ? NsFromSeconds(turn_s) : 0));
   m.header.frame_id = frame_id;
   const auto field = [&m](const char* name, std::uint32_t offset, std::uint8_t type) {
-    sensor_msgs::PointField f;
+    PointField f;
     f.name = name;
     f.offset = offset;
     f.datatype = type;
     f.count = 1;
     m.fields.push_back(f);
   };
-  field("x", 0, sensor_msgs::PointField::FLOAT32);
-  field("y", 4, sensor_msgs::PointField::FLOAT32);
-  field("z", 8, sensor_msgs::PointField::FLOAT32);
-  field("intensity", 12, sensor_msgs::PointField::FLOAT32);
-  field("ring", 16, sensor_msgs::PointField::UINT16);
-  field("time", 18, sensor_msgs::PointField::FLOAT32);
-  m.point_step = 22;
+  field("x", 0, PointField::FLOAT32);
+  field("y", 4, PointField::FLOAT32);
+  field("z", 8, PointField::FLOAT32);
+  field("intensity", 12, PointField::FLOAT32);
+  if (layout == PointLayout::kOuster) {
+    field("t", 16, PointField::UINT32);
+    field("ring", 20, PointField::UINT8);
+    m.point_step = 24;
+  } else {
+    field("ring", 16, PointField::UINT16);
+    if (layout == PointLayout::kVelodyne) field("time", 18, PointField::FLOAT32);
+    m.point_step = layout == PointLayout::kVelodyne ? 22 : 18;
+  }
   m.height = 1;
   m.width = static_cast<std::uint32_t>(scan.points.size());
   m.row_step = m.width * m.point_step;
@@ -252,8 +272,14 @@ sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::
     const sim::LidarPoint& p = scan.points[i];
     std::uint8_t* to = &m.data[i * m.point_step];
     std::memcpy(to, &p.x, 16);  // x y z intensity
-    std::memcpy(to + 16, &p.ring, 2);
-    std::memcpy(to + 18, &p.time_s, 4);
+    if (layout == PointLayout::kOuster) {
+      const auto t_ns = static_cast<std::uint32_t>(NsFromSeconds(p.time_s));
+      std::memcpy(to + 16, &t_ns, 4);
+      to[20] = static_cast<std::uint8_t>(p.ring);
+    } else {
+      std::memcpy(to + 16, &p.ring, 2);
+      if (layout == PointLayout::kVelodyne) std::memcpy(to + 18, &p.time_s, 4);
+    }
   }
   return m;
 }

@@ -141,7 +141,9 @@ class MvsecWriter : public SimBagWriter {
   void Write(const sim::Chunk& chunk) override {
     WriteCamera(chunk, "/davis/left", "davis_left");
     for (const auto& scan : chunk.scans) {
-      data_.write("/velodyne_point_cloud", SimStamp(scan.t_ns), ToPointCloudMsg(scan, "velodyne"));
+      const auto message =
+          ToPointCloudMsg(scan, "velodyne", PointLayout::kVelodyneOld, 1 / sequence_.lidar_model().rate_hz);
+      data_.write("/velodyne_point_cloud", message.header.stamp, message);
     }
     for (const auto& pose : chunk.poses) {
       const auto message = ToPoseMsg(pose.t_ns, pose.T_world_event, "map");
@@ -284,7 +286,8 @@ class VectorWriter : public SimBagWriter {
       bags_["imu"].write("/imu/data", SimStamp(sample.t_ns), ToImuMsg(sample, "imu"));
     }
     for (const auto& scan : chunk.scans) {
-      bags_["lidar"].write("/ouster/point_cloud", SimStamp(scan.t_ns), ToPointCloudMsg(scan, "lidar"));
+      bags_["lidar"].write("/ouster/point_cloud", SimStamp(scan.t_ns),
+                           ToPointCloudMsg(scan, "lidar", PointLayout::kOuster));
     }
     for (const auto& pose : chunk.poses) {
       bags_["gt"].write("/gt/pose", SimStamp(pose.t_ns),
@@ -345,6 +348,11 @@ class VectorWriter : public SimBagWriter {
         "T_cam0_cam2: " +
             MatrixYaml(T_cam0_event, false, indent) +
             "cam4:\n  camera_name: rgbd_color_camera\n  T_cam0_cam4: " + MatrixYaml(T_cam0_color, false, indent));
+    if (sequence_.options().lidar) {
+      Add(directory + "camera_lidar_extrinsic_results.yaml",
+          "camera_number: 2\ncam1:\n  camera_name: left_regular_camera\n  T_cam_lidar: " +
+              MatrixYaml(sequence_.lidar_model().T_event_lidar, false, indent));
+    }
     Add(directory + "camera_mocap_extrinsic_results1.yaml",
         "camera_number: 1\ncam0:\n  camera_name: left_regular_camera\n  T_body_cam: " +
             MatrixYaml(T_body_cam0, false, indent) +

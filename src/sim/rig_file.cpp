@@ -33,11 +33,12 @@ std::string RigYaml(const Rig& rig, double depth_time_offset_s, const std::strin
       << "\n  event_camera_info: " << PlainTopics::kEventCameraInfo << "\n  depth: " << PlainTopics::kDepth
       << "\n  depth_camera_info: " << PlainTopics::kDepthCameraInfo << "\n  imu: " << PlainTopics::kImu
       << "\n  ground_truth: " << PlainTopics::kGroundTruth << '\n';
+  if (rig.depth_from_lidar) out << "  points: " << PlainTopics::kPoints << '\n';
   WriteCamera("event_camera", rig.event_camera, out);
   if (rig.depth_registered) {
     out << "registered: true\n";
   } else {
-    WriteCamera("depth_camera", rig.depth_camera, out);
+    if (!rig.depth_from_lidar) WriteCamera("depth_camera", rig.depth_camera, out);
     const Eigen::Vector3d t = rig.T_event_depth.translation();
     const Eigen::Quaterniond q = rig.T_event_depth.rotation();
     out << "T_event_depth:\n  translation: [" << t.x() << ", " << t.y() << ", " << t.z() << "]\n  quaternion: ["

@@ -86,6 +86,12 @@ DepthModel BuildDepth(const SequenceOptions& o, const EventSensor& sensor) {
   return m;
 }
 
+LidarModel BuildLidar(const SequenceOptions& o) {
+  LidarModel model;
+  model.rate_hz = o.lidar_rate_hz;
+  return model;
+}
+
 double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
@@ -98,7 +104,7 @@ struct Sequence::Impl {
         trajectory(BuildTrajectory(options, scene)), sensor(BuildSensor(options)), pool(options.threads),
         rays(sensor.camera), pixels(sensor, rays.stride(), NoiseSeed(options)), readout(sensor.pixel),
         depth_sensor(scene, BuildDepth(options, sensor), NoiseSeed(options)),
-        lidar(scene, LidarModel(), NoiseSeed(options)), imu({}, NoiseSeed(options)),
+        lidar(scene, BuildLidar(options), NoiseSeed(options)), imu({}, NoiseSeed(options)),
         frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, NoiseSeed(options)),
         regular_camera(scene, VectorRegularCamera(), MakeLight(options.light), NoiseSeed(options)),
         event_frames(options.frames && !options.regular_camera) {

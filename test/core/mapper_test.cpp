@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/mapper.h"
 
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <tuple>
@@ -245,6 +246,65 @@ TEST(Mapper, ForgetsItsMapWhenASurfaceOfANewEpochComes) {
   ASSERT_TRUE(map);
   EXPECT_EQ(map->epoch, 1U);
   EXPECT_THAT(map->points, SizeIs(300));
+}
+
+/// A wall 2 m away as a LiDAR of 16 beams sees it in a tenth of a second, of which the camera sees the middle third.
+LidarSweep WallSweep(std::int64_t end_ns) {
+  LidarSweep sweep;
+  sweep.end_ns = end_ns;
+  for (int column = 0; column < 300; ++column) {
+    for (int ring = 0; ring < 16; ++ring) {
+      const double azimuth = (90 - 0.6 * column) * M_PI / 180, elevation = (2 * ring - 15) * M_PI / 180;
+      if (std::abs(azimuth) > 1.4) continue;
+      const Eigen::Vector3d p(2, 2 * std::tan(azimuth), 2 * std::tan(elevation) / std::cos(azimuth));
+      sweep.points.push_back({p.cast<float>(), ring, end_ns - (299 - column) * kMs / 3});
+    }
+  }
+  return sweep;
+}
+
+TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheView) {
+  Rig rig = TestRig();
+  rig.depth_registered = false;
+  rig.depth_from_lidar = true;
+  rig.T_event_depth = Rigid3::Rotation(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5).inverse());
+  Mapper mapper(rig, OdometryOptions());
+  for (int k = 0; k <= 10; ++k) mapper.AddSurface(SurfaceAt((100 + 10 * k) * kMs, Edges(600, 16)));
+  mapper.AddSweep(WallSweep(210 * kMs));
+  EXPECT_FALSE(mapper.Update()) << "the sweep ends after the last surface";
+  mapper.AddSurface(SurfaceAt(210 * kMs, Edges(600, 16)));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(map->t_ns, 160 * kMs);
+  EXPECT_GT(map->points.size(), 300U) << "thirty degrees of the height are measured";
+  for (const MapPoint& point : map->points) EXPECT_NEAR(point.p_ref.z(), 2, 2e-3);
+  EXPECT_EQ(mapper.scene_depth().median_m, mapper.lidar_depth().depth_m(60, 80));
+  EXPECT_EQ(mapper.counters().depth_used, 1U);
+}
+
+TEST(Mapper, UsesTheNewestSurfaceForASweepOnceThereArePoses) {
+  Rig rig = TestRig();
+  rig.depth_registered = false;
+  rig.depth_from_lidar = true;
+  rig.T_event_depth = Rigid3::Rotation(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5).inverse());
+  Mapper mapper(rig, OdometryOptions());
+  mapper.AddSurface(SurfaceAt(50 * kMs, Edges(600, 16)));
+  mapper.AddSurface(SurfaceAt(110 * kMs, Edges(600, 16)));
+  mapper.AddSweep(WallSweep(100 * kMs));
+  ASSERT_TRUE(mapper.Update());
+  // Half a metre forward since: the wall, which the sweep finds 2 m away, is another one, and so are the edges.
+  const Rigid3 T_world_event = Rigid3::Translation({0, 0, 0.5});
+  for (int k = 11; k <= 22; ++k) {
+    mapper.AddSurface(SurfaceAt(10 * k * kMs, Edges(600, 20)));
+    mapper.AddPose(PoseAt(10 * k * kMs, T_world_event));
+  }
+  mapper.AddSweep(WallSweep(218 * kMs));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(mapper.lidar_depth().t_ns, 220 * kMs);
+  EXPECT_EQ(map->t_ns, 220 * kMs);
+  EXPECT_EQ(mapper.counters().references, 2U);
+  EXPECT_NEAR(mapper.GlobalMap().back().p_ref.z(), 2.5, 2e-3);
 }
 
 }  // namespace

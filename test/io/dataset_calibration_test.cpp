@@ -2,6 +2,7 @@
 #include "devo/io/dataset_calibration.h"
 
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <stdexcept>
 
@@ -58,6 +59,35 @@ TEST(VectorCalibration, FillsARigUnlessTheYamlGivesMore) {
   const RigConfig own = LoadRigConfig(
       {config}, {"calibration.path=" + folder, "depth_camera={width: 4, height: 4, fx: 1, fy: 1, cx: 1, cy: 1}"});
   EXPECT_EQ(own.depth_camera->height(), 4);
+}
+
+TEST(VectorCalibration, PlacesTheLidarThroughTheLeftRegularCamera) {
+  const std::string folder = VectorFolder();
+  if (folder.empty()) return;
+  const std::string own = ::testing::TempDir() + "vector_calibration_test";
+  ASSERT_EQ(std::system(("rm -rf " + own + " && mkdir " + own + " && cp " + folder + "/*.yaml " + own).c_str()), 0);
+  EXPECT_FALSE(ReadVectorCalibration(own).T_event_lidar);
+  // The numbers that the data set publishes.
+  std::ofstream(own + "/camera_lidar_extrinsic_results.yaml") << R"(camera_number: 2
+cam0:
+  camera_name: right_regular_camera
+  T_cam_lidar: [0.00229446, -0.999714, -0.0238084, -0.0828514, -0.00737735, 0.0237909, -0.99969, -0.0633996,
+                0.99997, 0.00246939, -0.00732065, -0.0852966, 0, 0, 0, 1]
+cam1:
+  camera_name: left_regular_camera
+  T_cam_lidar: [0.0119197, -0.999929, 0.0000523, 0.0853154, -0.00648951, -0.00012969, -0.999979, -0.0684439,
+                0.999908, 0.0119191, -0.0064906, -0.0958121, 0, 0, 0, 1]
+)";
+  const auto T = ReadVectorCalibration(own).T_event_lidar;
+  ASSERT_TRUE(T);
+  // Worked out by hand with the large-scale rig's event camera, 2.6 cm below the LiDAR and 8 cm in front of it.
+  EXPECT_LT((T->translation() - Eigen::Vector3d(0.0856, -0.0281, -0.0816)).norm(), 1e-3);
+  EXPECT_GT((T->rotation() * Eigen::Vector3d::UnitX()).z(), 0.99) << "forward of the LiDAR is forward of the camera";
+  const RigConfig rig = LoadRigConfig({std::string(DEVO_SOURCE_DIR) + "/config/vector.yaml"},
+                                      {"calibration.path=" + own, "topics.points=/ouster/point_cloud"});
+  ASSERT_TRUE(rig.depth_from_lidar() && rig.T_event_depth);
+  EXPECT_LT(Log(rig.T_event_depth->inverse() * *T).norm(), 1e-12);
+  ASSERT_EQ(std::system(("rm -rf " + own).c_str()), 0);
 }
 
 TEST(VectorCalibration, NamesTheFileThatIsMissing) {

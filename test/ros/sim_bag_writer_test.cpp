@@ -93,6 +93,10 @@ TEST(SimBagWriter, WritesThePlainDialectWithAConfigurationThatTheOdometryReads) 
   EXPECT_LT(Log(config.T_event_depth->inverse() * sequence.rig().T_event_depth).norm(), 1e-9);
   EXPECT_EQ(config.depth_camera->distortion(), DistortionModel::kRationalPolynomial);
   EXPECT_EQ(ReadTum(stem + "_groundtruth.txt").size(), 24U);
+  const RigConfig lidar = LoadRigConfig({stem + "_lidar.yaml"});
+  EXPECT_EQ(lidar.topics.points, "/velodyne_points");
+  ASSERT_TRUE(lidar.T_event_depth && lidar.event_camera);
+  EXPECT_LT(Log(lidar.T_event_depth->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
 }
 
 TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
@@ -116,6 +120,13 @@ TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
   EXPECT_NEAR(read.event_camera.fx(), sequence.rig().event_camera.fx(), 1e-9);
   ASSERT_TRUE(read.T_event_lidar);
   EXPECT_LT(Log(read.T_event_lidar->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
+  // No times, as in MVSEC: the stamp is the end of the turn.
+  rosbag::Bag data_bag(stem + "_data.bag");
+  rosbag::View clouds(data_bag, rosbag::TopicQuery("/velodyne_point_cloud"));
+  ASSERT_GT(clouds.size(), 0U);
+  const auto cloud = clouds.begin()->instantiate<sensor_msgs::PointCloud2>();
+  EXPECT_EQ(cloud->fields.back().name, "ring");
+  EXPECT_NEAR((cloud->header.stamp - ros::Time(1000)).toSec(), 0.01 + 1 / sequence.lidar_model().rate_hz, 1e-6);
 }
 
 TEST(SimBagWriter, WritesMvsecsRightCameraOnRequestWithItsPlaceInTheCamchain) {
@@ -169,6 +180,8 @@ TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
   const auto read = ReadVectorCalibration(stem + "_calib");
   ASSERT_TRUE(read.T_event_depth && read.depth_camera && read.T_body_event);
   EXPECT_LT(Log(read.T_event_depth->inverse() * sequence.rig().T_event_depth).norm(), 1e-9);
+  ASSERT_TRUE(read.T_event_lidar);
+  EXPECT_LT(Log(read.T_event_lidar->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
   EXPECT_EQ(read.depth_camera->distortion(), DistortionModel::kRationalPolynomial);
   // Ground truth is the pose of the body: with the calibration it gives the event camera's.
   rosbag::Bag bag(stem + ".synced.gt.bag");

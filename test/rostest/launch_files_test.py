@@ -52,6 +52,18 @@ class LaunchFilesTest(unittest.TestCase):
             loaded = {a[1] for a in arguments if a[0] == "load"}
             self.assertLessEqual({"devo/TimeSurface", "devo/Mapping", "devo/Tracking"}, loaded, path)
 
+    def test_the_data_sets_launch_files_choose_the_source_of_depth(self):
+        for name, topic in (("mvsec.launch", "/velodyne_point_cloud"), ("vector.launch", "/ouster/point_cloud")):
+            path = os.path.join(PACKAGE, "launch", name)
+            for source, expected in (("camera", False), ("lidar", True)):
+                config = roslaunch.config.load_config_default(
+                    [(path, REQUIRED[name] + ["depth_source:=" + source])], None, verbose=False)
+                overrides = [p.value for key, p in config.params.items() if key.endswith("mapping/set")]
+                self.assertEqual(["topics.points=" + topic in value.split() for value in overrides], [expected])
+            with self.assertRaises(Exception):
+                roslaunch.config.load_config_default(
+                    [(path, REQUIRED[name] + ["depth_source:=sonar"])], None, verbose=False)
+
     def test_every_argument_that_can_be_given_is_documented(self):
         for path in launch_files():
             for argument in xml.etree.ElementTree.parse(path).getroot().iter("arg"):

@@ -90,6 +90,22 @@ class RecordingsTest(unittest.TestCase):
                    ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration],
                    ["calibration.path=" + calibration])
 
+    def test_mvsec_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
+        folder = rospy.get_param("~mvsec")
+        bags = [os.path.join(folder, "indoor_flying1_%s.bag" % kind) for kind in ("data", "gt")]
+        calibration = os.path.join(folder, "indoor_flying_calib", "camchain-imucam-indoor_flying.yaml")
+        self.check("mvsec_lidar", PACKAGE + "/config/mvsec.yaml", bags, "mvsec.launch",
+                   ["sequence:=indoor_flying1", "dir:=" + folder, "depth_source:=lidar"],
+                   ["calibration.path=" + calibration, "topics.points=/velodyne_point_cloud"], floor_m=0.005)
+
+    def test_vector_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
+        folder = rospy.get_param("~vector")
+        bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind) for kind in ("left_event", "lidar", "gt")]
+        calibration = os.path.join(folder, "desk-normal1_calib")
+        self.check("vector_lidar", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
+                   ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration, "depth_source:=lidar"],
+                   ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.005)
+
     def test_the_real_recordings_are_replayed_as_well_as_offline(self):
         for name in ("seq1", "seq2"):
             bag = self.recording("real_davis_kinect", name, name + ".bag")

@@ -11,6 +11,8 @@
 #include "devo/core/camera.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_registration.h"
+#include "devo/core/lidar_accumulator.h"
+#include "devo/core/lidar_sweep.h"
 #include "devo/core/local_map.h"
 #include "devo/core/options.h"
 #include "devo/core/pose_estimate.h"
@@ -21,8 +23,8 @@
 
 namespace devo {
 
-/// Surfaces, poses and depth images may come late and in any order between the three kinds; within a kind in
-/// the order of their time. Not thread-safe.
+/// Surfaces, poses and depth images (or sweeps of a LiDAR) may come late and in any order between the three kinds;
+/// within a kind in the order of their time. Not thread-safe.
 class Mapper {
  public:
   Mapper(const Rig& rig, const OdometryOptions& options);
@@ -33,9 +35,12 @@ class Mapper {
   void AddSurface(SurfacePtr surface);
   void AddPose(const PoseEstimate& pose);
   void AddDepth(const DepthImage& depth);
+  /// Of a rig with `depth_from_lidar`: in place of depth images.
+  void AddSweep(LidarSweep sweep);
 
-  /// Processes the depth images for which a surface at or after their time, and its pose, have come. Returns
-  /// the local map when it changed (a new reference, or the view has moved on), else null.
+  /// Processes the depth images for which a surface at or after their time, and its pose, have come, and the sweeps,
+  /// which become depth images of the newest surface. Returns the local map when it changed (a new reference, or the
+  /// view has moved on), else null.
   LocalMapPtr Update();
 
   const SceneDepth& scene_depth() const { return scene_depth_; }
@@ -50,13 +55,16 @@ class Mapper {
   /// The last one; `surface` is null before there is one.
   const Match& last_match() const { return last_match_; }
 
+  /// What the last sweeps made: depth in the undistorted event image, empty before the first.
+  const DepthImage& lidar_depth() const { return lidar_depth_; }
+
   /// All points of all references, frame `world`.
   std::vector<MapPoint> GlobalMap() const { return map_.AllPoints(); }
 
   void Reset();
 
   struct Counters {
-    std::uint64_t depth_in = 0;    ///< depth images added
+    std::uint64_t depth_in = 0;    ///< depth images or sweeps added
     std::uint64_t depth_used = 0;  ///< of these, met with a surface and a pose
     std::uint64_t depth_without_valid_pixel = 0;
     std::uint64_t references = 0;
@@ -65,6 +73,9 @@ class Mapper {
 
  private:
   SurfacePtr SurfaceFor(std::int64_t t_ns) const;
+  bool UpdateFromDepth();
+  bool UpdateFromSweeps();
+  std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
   bool Process(const DepthImage& depth, const SurfacePtr& surface);
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   bool MovedSinceReference(const Rigid3& T_world_event) const;
@@ -76,9 +87,12 @@ class Mapper {
   OdometryOptions options_;
   Camera camera_;  // undistorted event image
   DepthRegistration registration_;
+  LidarAccumulator lidar_;
   ReferenceMap map_;
   std::deque<SurfacePtr> surfaces_;
   std::deque<DepthImage> depths_;
+  std::deque<LidarSweep> sweeps_;
+  DepthImage lidar_depth_;
   PoseHistory poses_;
   Vector6d velocity_ = Vector6d::Zero();
   bool trackable_ = false;

@@ -15,6 +15,7 @@
 #include "devo/core/depth_image.h"
 #include "devo/core/event.h"
 #include "devo/core/imu.h"
+#include "devo/core/lidar_sweep.h"
 #include "devo/core/local_map.h"
 #include "devo/core/options.h"
 #include "devo/core/pose_estimate.h"
@@ -40,6 +41,10 @@ class Odometry {
   /// A depth image; images come in the order of their time, each before events that are later than it
   /// by more than one surface period (a reader that merges streams by stamp does that).
   void AddDepth(const DepthImage& depth);
+
+  /// A sweep of a LiDAR, of a rig with `depth_from_lidar`; in the order of their ends, each before events that are
+  /// later than its end by more than a surface period.
+  void AddSweep(LidarSweep sweep);
 
   /// An inertial sample, optional; sharpens the prediction. In the order
   /// of time, each before events that are later than it by more than a surface period.

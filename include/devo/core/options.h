@@ -33,6 +33,7 @@ struct MappingOptions {
   double new_reference_angle_rad = 0.1;
   int max_points = 2000;
   int max_map_points = 200000;
+  double lidar_window_s = 0.8;
 };
 
 struct TrackingOptions {
@@ -86,6 +87,8 @@ void VisitOptions(Options& o, Visitor&& visit) {
   visit("mapping.max_points", o.mapping.max_points, 50, 100000, "points that tracking registers");
   visit("mapping.max_map_points", o.mapping.max_map_points, 1000, 100000000,
         "points of all references; beyond it the one that was out of view for longest is forgotten");
+  visit("mapping.lidar_window_s", o.mapping.lidar_window_s, 0.01, 10.0,
+        "LiDAR: sweeps of this time are accumulated; longer is denser, shorter forgets drift and moving things sooner");
   visit("tracking.max_iterations", o.tracking.max_iterations, 1, 200, "of the minimisation, per pose");
   visit("tracking.huber_share", o.tracking.huber_share, 0.001, 10.0,
         "where the robust loss turns linear, as a share of the truncation");

@@ -25,8 +25,10 @@ struct DatasetCalibration {
 /// VECtor's assets/yaml: left event camera, Kinect depth camera (factory intrinsics),
 /// T_event_depth = T_cam0_cam2^-1 * T_cam0_cam4 * T_color_depth with the small-scale joint extrinsics and the
 /// calibrated depth-to-colour transformation, and T_body_event through the motion-capture extrinsics where that file is
-/// there. Gao et al., "VECtor: A Versatile Event-Centric Benchmark for Multi-Sensor SLAM", RA-L 2022. Throws
-/// std::invalid_argument naming the file and key that is missing or malformed.
+/// there. T_event_lidar, where camera_lidar_extrinsic_results.yaml is there, is T_cam0_cam2^-1 * T_cam_lidar with the
+/// large-scale joint extrinsics (else the small-scale ones). Gao et al., "VECtor: A Versatile Event-Centric Benchmark
+/// for Multi-Sensor SLAM", RA-L 2022. Throws std::invalid_argument naming the file and key that is missing or
+/// malformed.
 DatasetCalibration ReadVectorCalibration(const std::string& directory);
 
 /// A camera of a Kalibr camchain.

@@ -42,12 +42,16 @@ struct RigConfig {
   CalibrationFiles calibration;
   std::optional<Camera> event_camera;   ///< else CameraInfo of the bag or topic
   std::optional<Camera> depth_camera;   ///< else CameraInfo of the bag or topic
-  std::optional<Rigid3> T_event_depth;  ///< else tf_static
+  std::optional<Rigid3> T_event_depth;  ///< of the depth camera or the LiDAR; else tf_static
   std::optional<Rigid3> T_body_event;   ///< where ground truth is the pose of another body than the event camera
   bool registered = false;              ///< depth is already in the (distorted) event image
   double depth_time_offset_s = 0;       ///< added to the stamps of the depth images
+  double points_turn_s = 0;             ///< of a LiDAR whose points carry no times
   double depth_scale = 1;               ///< depth in metres = depth_scale * depth as the images say
   OdometryOptions odometry;
+
+  /// A LiDAR measures depth: `registered`, topics.depth and depth_camera are of no use then.
+  bool depth_from_lidar() const { return !topics.points.empty(); }
 };
 
 /// Calls `visit(key, value&, min, max, meaning)` for numbers, `visit(key, string&, choices, meaning)` for
@@ -60,11 +64,12 @@ void VisitRig(Config& c, Visitor&& visit) {
   visit("topics.event_camera_info", c.topics.event_camera_info, "CameraInfo, used when event_camera is not given");
   visit("topics.depth", c.topics.depth, "Image, 16UC1 (mm) or 32FC1 (m), raw");
   visit("topics.depth_camera_info", c.topics.depth_camera_info, "CameraInfo, used when depth_camera is not given");
-  visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR in place of depth images");
+  visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR: where given, it takes the place of depth images");
   visit("topics.imu", c.topics.imu, "Imu, optional; turned into the event camera's frame by tf_static");
   visit("topics.ground_truth", c.topics.ground_truth, "PoseStamped, Odometry or TransformStamped, for evaluation only");
   visit("frames.event", c.frames.event, "event camera's optical frame; empty: as its messages say");
-  visit("frames.depth", c.frames.depth, "depth camera's optical frame; empty: as its messages say");
+  visit("frames.depth", c.frames.depth,
+        "optical frame of the depth camera, or the LiDAR's; empty: as its messages say");
   visit("calibration.format", c.calibration.format, "|vector|mvsec",
         "whose files: VECtor's, MVSEC's (Kalibr); empty: none");
   visit("calibration.path", c.calibration.path,
@@ -72,6 +77,10 @@ void VisitRig(Config& c, Visitor&& visit) {
   visit("registered", c.registered, "depth is already in the event camera's (distorted) image");
   visit("depth_time_offset_s", c.depth_time_offset_s, -10.0, 10.0,
         "added to the depth's stamps: depth clock to event clock");
+  visit("points_turn_s", c.points_turn_s, 0.0, 10.0,
+        "LiDAR whose points carry no times: duration of a turn, which ends at the stamp and whose azimuth tells the "
+        "time; "
+        "0: all points at the stamp");
   visit("depth_scale", c.depth_scale, 0.1, 10.0, "metres per metre that the depth camera reports");
 }
 

@@ -34,7 +34,7 @@ struct GroundTruthPose {
   StampedPose pose;
 };
 
-using BagItem = std::variant<EventSlice, DepthImage, ImuSample, GroundTruthPose>;
+using BagItem = std::variant<EventSlice, DepthImage, LidarSweep, ImuSample, GroundTruthPose>;
 
 /// Seconds from the beginning of the events.
 struct BagRange {
@@ -54,11 +54,11 @@ class BagReader {
   Rig ReadRig();
 
   /// The next item, in the order of data time: events by their own stamps (an array is cut where other data lies
-  /// between its events; header.stamp means something else in each driver), the rest by header.stamp, depth with
-  /// config.depth_time_offset_s added. Each topic is a stream of its own, of which a few messages are looked ahead, so
-  /// that neither the order nor the clock of recording matters. Empty at the end. Throws std::runtime_error naming the
-  /// topic of a message that cannot be used (wrong encoding; an IMU whose frame no tf_static connects with the event
-  /// frame). IMU samples are turned into the event frame.
+  /// between its events; header.stamp means something else in each driver), sweeps of a LiDAR by the time of their last
+  /// point, the rest by header.stamp, depth and sweeps with config.depth_time_offset_s added. Each topic is a stream of
+  /// its own, of which a few messages are looked ahead, so that neither the order nor the clock of recording matters.
+  /// Empty at the end. Throws std::runtime_error naming the topic of a message that cannot be used (wrong encoding; an
+  /// IMU whose frame no tf_static connects with the event frame). IMU samples are turned into the event frame.
   std::optional<BagItem> Next();
 
   std::int64_t begin_ns() const { return begin_ns_; }  ///< first event's time plus start
@@ -68,7 +68,7 @@ class BagReader {
   /// What is wrong with the bags: one sentence each. Grows while reading.
   std::vector<std::string> Defects() const;
 
-  /// Depth images and IMU samples that were not later than the one before, and so were left out.
+  /// Depth images, sweeps and IMU samples that were not later than the one before, and so were left out.
   std::uint64_t dropped_unordered() const { return dropped_unordered_; }
 
  private:

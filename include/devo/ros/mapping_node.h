@@ -12,6 +12,7 @@
 
 #include <image_transport/image_transport.h>
 #include <ros/node_handle.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <std_srvs/Trigger.h>
 
 #include "devo/core/mapper.h"
@@ -25,7 +26,8 @@
 namespace devo {
 
 /// Gives the mapper surface and pose of one time together, in the order in which the offline runner does, and depth
-/// images as they come. Depth from another epoch (a bag played again) waits until the surfaces get there.
+/// images, or a LiDAR's sweeps, as they come. Depth from another epoch (a bag played again) waits until the surfaces
+/// get there.
 class MappingNode {
  public:
   /// Throws std::invalid_argument naming the parameter or yaml key that is wrong, before anything is subscribed.
@@ -36,28 +38,37 @@ class MappingNode {
   using SurfaceConstPtr = boost::shared_ptr<const Surface>;
   using PoseConstPtr = boost::shared_ptr<const PoseEstimate>;
 
+  /// A message of the depth camera or of the LiDAR.
+  struct DepthMessage {
+    sensor_msgs::ImageConstPtr image;
+    sensor_msgs::PointCloud2ConstPtr points;
+    std::int64_t t_ns = 0;  // header.stamp on the event camera's clock
+  };
+
+  void SubscribeToDepth(const std::string& transport);
   void OnRig(const ResolvedRig& rig);
   void OnOptions(const OdometryOptions& options);
   void OnSurface(const SurfaceConstPtr& surface);
   void OnPose(const PoseConstPtr& pose);
-  void OnDepth(const sensor_msgs::ImageConstPtr& image);
+  void OnDepth(const std_msgs::Header& header, DepthMessage message);
   bool OnSaveMap(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status);
-  std::int64_t TimeOf(const sensor_msgs::Image& image) const;
 
   // On the worker's thread.
   bool Step();
-  std::deque<sensor_msgs::ImageConstPtr> TakeDepth();
-  void AddDepth(const sensor_msgs::ImageConstPtr& image);
+  std::deque<DepthMessage> TakeDepth();
+  void AddDepth(const DepthMessage& message);
+  void AddImage(const sensor_msgs::Image& image);
   void Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEstimate& pose);
   void JudgeAlignment(const Mapper::Match& match);
   void Publish(const LocalMapPtr& map);
   void PublishGlobalMap();
-  void DrawDepthOverlay(const DepthImage& depth);
+  void DrawDepthOverlay(const DepthImage& depth, const Rig& rig);
+  void DrawLidarOverlay();
 
   ros::NodeHandle nh_, private_nh_;
   RigConfig config_;
-  std::string odom_frame_, map_file_;
+  std::string odom_frame_, map_file_, depth_topic_;
   Rigid3 initial_pose_;
   std::string base_frame_;
   std::size_t depth_queue_size_;
@@ -65,7 +76,7 @@ class MappingNode {
   std::mutex mutex_;
   std::deque<SurfaceConstPtr> surfaces_;
   std::deque<PoseConstPtr> answers_;  // what tracking made of them
-  std::deque<sensor_msgs::ImageConstPtr> depths_;
+  std::deque<DepthMessage> depths_;
   bool depth_awaits_epoch_ = false;  // its stamps went back: the surfaces' will
   std::int64_t last_depth_ns_ = 0;
   std::uint64_t surfaces_dropped_ = 0, depth_dropped_ = 0, depth_refused_ = 0;
@@ -85,7 +96,7 @@ class MappingNode {
   // The worker's own.
   std::unique_ptr<Mapper> mapper_;
   SurfaceConstPtr last_surface_;
-  std::int64_t scene_depth_ns_ = 0;
+  std::int64_t scene_depth_ns_ = 0, drawn_ns_ = 0;
   std::int64_t judged_ns_ = 0;  // depth image whose alignment was judged last
   cv::Mat2f depth_rays_;
   bool global_map_wanted_ = false;
@@ -98,7 +109,7 @@ class MappingNode {
   image_transport::Publisher overlay_publisher_;
   image_transport::Subscriber depth_subscriber_;
   ros::Publisher map_publisher_, scene_depth_publisher_, local_cloud_publisher_, global_cloud_publisher_;
-  ros::Subscriber surface_subscriber_, pose_subscriber_;
+  ros::Subscriber surface_subscriber_, pose_subscriber_, points_subscriber_;
   std::unique_ptr<Tunables> tunables_;
   ros::ServiceServer save_service_;
   std::unique_ptr<Worker> worker_;  // last: joined before anything that it uses goes

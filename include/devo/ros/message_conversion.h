@@ -11,6 +11,7 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <tf2/buffer_core.h>
 #include <Eigen/Geometry>
 
@@ -19,6 +20,7 @@
 #include "devo/core/camera.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/event.h"
+#include "devo/core/lidar_sweep.h"
 #include "devo/core/odometry.h"
 #include "devo/io/evt_decoder.h"
 
@@ -83,6 +85,18 @@ class EventPacketConverter {
 /// any row step and endianness; readings are multiplied by `scale`. Throws std::runtime_error naming any other
 /// encoding, or a step or data size that does not fit.
 DepthImage ToDepthImage(const sensor_msgs::Image& message, double scale = 1, std::int64_t time_offset_ns = 0);
+
+/// A sweep from fields x, y, z (float32); points that are no measurement (not finite, or at the origin) are left out.
+/// `ring` or `line` (an integer) tells the beam, else the row of an organised cloud. Times of the points:
+///   `time` (float32 or float64): seconds after header.stamp, negative where that is the end (velodyne_pointcloud);
+///   `t` (uint32): nanoseconds after header.stamp (ouster_ros);
+///   `timestamp` (float64): the time itself in seconds (hesai, robosense) or, when larger than 1e12, nanoseconds
+///   (livox);
+/// else all are measured at header.stamp, or, where `turn_s` is given, on a turn of that duration that ends at
+/// header.stamp, their azimuth from the first to the last point telling when (velodyne_pointcloud before 1.6). Throws
+/// std::runtime_error naming the field that is missing or of another type, a cloud that holds less than it says, or
+/// big-endian data.
+LidarSweep ToLidarSweep(const sensor_msgs::PointCloud2& message, double turn_s = 0, std::int64_t time_offset_ns = 0);
 
 /// The camera of the image that is published: binning and region of interest are applied. Throws std::invalid_argument
 /// as Camera does (an uncalibrated camera has K = 0), and for a region of interest that is to be rectified.

@@ -29,7 +29,7 @@ struct ResolvedRig {
 class RigResolver {
  public:
   struct Need {
-    bool depth = false;        ///< the depth camera and T_event_depth
+    bool depth = false;        ///< T_event_depth and, unless a LiDAR measures depth, the depth camera
     bool event_frame = false;  ///< event_frame() is asked for; not waited for
     std::string base_frame;    ///< T_event_base from tf_static; empty: not needed
   };
@@ -64,7 +64,8 @@ class RigResolver {
   void OnCameraInfo(CameraSource* source, const sensor_msgs::CameraInfo& info);
   void OnTransforms(const tf2_msgs::TFMessage& message);
   std::optional<Rigid3> Lookup(const std::string& target, const std::string& source) const;
-  bool NeedsDepthCamera() const { return need_.depth && !config_.registered; }
+  bool NeedsExtrinsics() const { return need_.depth && (config_.depth_from_lidar() || !config_.registered); }
+  bool NeedsDepthCamera() const { return NeedsExtrinsics() && !config_.depth_from_lidar(); }
   std::string MissingCamera(const KnownTopics& known, const CameraSource& source) const;
   std::string MissingTransform(const std::string& key, const std::string& a, const std::string& b) const;
   void TryToResolve();

@@ -22,11 +22,19 @@ sensor_msgs::Image ToDepthMsg(const DepthImage& depth, const std::string& encodi
 sensor_msgs::Image ToFrameMsg(const sim::Frame& frame, const std::string& frame_id);
 sensor_msgs::Imu ToImuMsg(const ImuSample& sample, const std::string& frame_id);
 geometry_msgs::PoseStamped ToPoseMsg(std::int64_t t_ns, const Rigid3& T_frame_body, const std::string& frame_id);
-/// Fields x y z intensity (float32), ring (uint16), time (float32, s after header.stamp), as velodyne_driver lays them.
-sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::string& frame_id);
+/// How drivers of LiDARs lay out their points. All have x y z intensity (float32).
+enum class PointLayout {
+  kVelodyne,     ///< ring (uint16), time (float32, s after header.stamp): velodyne_pointcloud since 1.6
+  kVelodyneOld,  ///< ring (uint16), no times, header.stamp is the end of the turn: as MVSEC has it
+  kOuster,       ///< t (uint32, ns after header.stamp), ring (uint8): ouster_ros, as VECtor has it
+};
+/// `turn_s`: duration of a turn, which decides the stamp of kVelodyneOld.
+sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::string& frame_id,
+                                         PointLayout layout = PointLayout::kVelodyne, double turn_s = 0.1);
 
 enum class BagDialect {
-  kPlain,   ///< this package's topics: NAME.bag, NAME.yaml (configuration), NAME_groundtruth.txt
+  kPlain,   ///< this package's topics: NAME.bag, NAME.yaml (configuration), NAME_groundtruth.txt; with a LiDAR beside a
+            ///< depth camera also NAME_lidar.yaml, with the LiDAR in its place
   kMvsec,   ///< NAME_data.bag, NAME_gt.bag, NAME_calib/ as MVSEC's files
   kVector,  ///< NAME.synced.<sensor>.bag (bz2, one topic each) and NAME_calib/ as VECtor's files
 };

@@ -26,6 +26,7 @@ struct PlainTopics {
 const char* DistortionName(const Camera& camera);
 
 /// The odometry's configuration of a simulated rig as yaml: plain topics, cameras, extrinsics. `comment` goes on top.
+/// With rig.depth_from_lidar, T_event_depth is the LiDAR's pose and topics.points its topic.
 std::string RigYaml(const Rig& rig, double depth_time_offset_s, const std::string& comment);
 
 }  // namespace devo::sim

@@ -51,7 +51,8 @@ struct SequenceOptions {
   double depth_rate_hz = 30;       ///< up to 30
   double depth_time_offset_s = 0;  ///< depth stamps are late by this much
   double multipath = 0;            ///< see DepthModel
-  bool lidar = false;              ///< 16 beams at 10 Hz beside the camera
+  bool lidar = false;              ///< 16 beams beside the camera
+  double lidar_rate_hz = 10;
   bool frames = true;              ///< blurred, noisy frames of the event camera's pixels
   bool regular_camera = false;     ///< frames are those of VectorRegularCamera beside the event camera instead
   double frame_rate_hz = 30;

@@ -22,16 +22,16 @@ constexpr double kEdgeSigma_px = 0.5;
 // newer, but noisier, and its noise would come back through the surfaces.
 constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
-constexpr int kLostAfter = 20;  // poses in a row that matched next to nothing
+constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing
 // A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
 constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
-constexpr int kSearchEvery = 4;
+constexpr double kSearchEvery_s = 0.04;
 constexpr double kUsualForgets_s = 0.5;
-// A camera slows down over several surfaces; where this many times the events of a standstill end within three
-// surfaces, it is the events that are missing.
+// A camera slows down over several surfaces; where this many times the events of a standstill end within
+// kActivitySpan_s, it is the events that are missing.
 constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
 constexpr double kMaxCoast_s = 1;
-constexpr std::size_t kActivitySpan = 3;
+constexpr double kActivitySpan_s = 0.03;
 
 }  // namespace
 
@@ -62,6 +62,10 @@ void Tracker::Reset() {
   coasting_ = coasted_ = inertial_prior_ = false;
   activity_hz_.clear();
   usual_activity_hz_ = 0;
+}
+
+int Tracker::Surfaces(double span_s) const {
+  return std::max(1, static_cast<int>(std::lround(span_s * options_.surface.rate_hz)));
 }
 
 Vector6d Tracker::MeanVelocity() const {
@@ -100,7 +104,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     last_active_ns_ = surface.t_ns;
   }
   activity_hz_.push_back(surface.activity_hz);
-  if (activity_hz_.size() > kActivitySpan) activity_hz_.pop_front();
+  if (static_cast<int>(activity_hz_.size()) > Surfaces(kActivitySpan_s)) activity_hz_.pop_front();
   pose.state = state_;
   pose.t_edges_ns = motion_.time_ns();
   pose.T_world_event_edges = motion_.pose();
@@ -151,9 +155,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
     return;
   }
+  const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  if (suspicious && (coasted_ || suspicious_in_a_row_ % kSearchEvery == kSearchEvery - 1) &&
+  if (suspicious && (coasted_ || suspicious_in_a_row_ % search_every == search_every - 1) &&
       Recover(surface, &result)) {
     motion_.Start(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     history_.Clear();
@@ -187,7 +192,7 @@ void Tracker::UpdateState(PoseEstimate* pose) {
   suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
   const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
   usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
-  if (bad_in_a_row_ >= kLostAfter) {
+  if (bad_in_a_row_ >= Surfaces(kLostAfter_s)) {
     state_ = TrackingState::kLost;
   } else if (pose->inlier_share < kDegradedShare) {
     if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;

@@ -49,6 +49,8 @@ class Tracker {
   void Register(const Surface& surface, PoseEstimate* pose);
   /// With the inertial sensor's readings up to then; false: there are none.
   bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
+  /// That come in this time, at least one.
+  int Surfaces(double span_s) const;
   bool EventsEndedSuddenly() const;
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);

@@ -106,6 +106,10 @@ class RecordingsTest(unittest.TestCase):
                    ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration, "depth_source:=lidar"],
                    ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.005)
 
+    def test_the_sample_in_the_repository_is_replayed_as_well_as_offline(self):
+        self.replay("sample", "../test/data/sample_davis240.yaml", os.path.join(PACKAGE, "test/data/sample_davis240.bag"),
+                    floor_m=0.002)
+
     def test_the_real_recordings_are_replayed_as_well_as_offline(self):
         for name in ("seq1", "seq2"):
             bag = self.recording("real_davis_kinect", name, name + ".bag")

@@ -22,7 +22,9 @@ constexpr double kEdgeSigma_px = 0.5;
 // newer, but noisier, and its noise would come back through the surfaces.
 constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
-constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing
+constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing, or far less than usual
+constexpr double kLostShareOfUsual = 0.4;
+constexpr int kMinMatched = 30;  // fewer points hold no pose, however large their share
 // A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
 constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
@@ -142,7 +144,9 @@ void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
 }
 
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
-  inertial_prior_ = Advance(surface.t_edges_ns, &motion_);
+  // While lost, velocities are guesses: nothing is built on them.
+  const bool lost = state_ == TrackingState::kLost;
+  inertial_prior_ = !lost && Advance(surface.t_edges_ns, &motion_);
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   PosePrior prior;
   prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
@@ -155,6 +159,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
     return;
   }
+  if (result.matched < kMinMatched) result.inlier_share = 0;
   const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
@@ -163,6 +168,8 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     motion_.Start(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     history_.Clear();
     coasted_ = false;
+  } else if (lost && suspicious) {
+    motion_.Coast(surface.t_edges_ns);
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());
@@ -188,13 +195,13 @@ bool Tracker::Recover(const Surface& surface, AlignmentResult* result) {
 }
 
 void Tracker::UpdateState(PoseEstimate* pose) {
-  bad_in_a_row_ = pose->inlier_share < kLostShare ? bad_in_a_row_ + 1 : 0;
+  bad_in_a_row_ = pose->inlier_share < std::max(kLostShare, kLostShareOfUsual * usual_share_) ? bad_in_a_row_ + 1 : 0;
   suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
   const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
   usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
   if (bad_in_a_row_ >= Surfaces(kLostAfter_s)) {
     state_ = TrackingState::kLost;
-  } else if (pose->inlier_share < kDegradedShare) {
+  } else if (pose->inlier_share < kDegradedShare || (state_ == TrackingState::kLost && suspicious_in_a_row_ > 0)) {
     if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;
   } else {
     state_ = state_ == TrackingState::kLost ? TrackingState::kRecovered : TrackingState::kTracking;

@@ -12,6 +12,8 @@
 namespace devo {
 namespace {
 
+constexpr int kMinMatched = 30;  // fewer points hold no pose, however large their share
+
 /// Points that should show in the surface, with what their edges look like from the start pose.
 void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
                    const Rigid3& T_event_ref, const Vector6d& velocity_event, std::vector<AlignmentPoint>* prepared) {
@@ -60,7 +62,7 @@ void CountMatches(const AlignmentProblem& problem, const std::vector<AlignmentPo
   }
   result->visible = visible;
   result->matched = matched;
-  result->inlier_share = expected > 0 ? met / expected : 0;
+  result->inlier_share = matched >= kMinMatched ? met / expected : 0;
   result->mean_residual_px = matched > 0 ? residual / matched : 0;
 }
 

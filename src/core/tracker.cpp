@@ -24,7 +24,6 @@ constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
 constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing, or far less than usual
 constexpr double kLostShareOfUsual = 0.4;
-constexpr int kMinMatched = 30;  // fewer points hold no pose, however large their share
 // A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
 constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
@@ -159,7 +158,6 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
     return;
   }
-  if (result.matched < kMinMatched) result.inlier_share = 0;
   const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();

@@ -215,6 +215,23 @@ TEST(Tracker, FindsThePoseAgainAfterAJump) {
   EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 5e-3);
 }
 
+TEST(Tracker, TakesAHandfulOfMatchesForNoPoseAndHoldsWhileItIsLost) {
+  const auto tracker = Moving();
+  auto few = std::make_shared<LocalMap>(*Map());
+  few->points.resize(20);
+  tracker->SetMap(few);
+  PoseEstimate pose, when_lost;
+  for (int k = 51; k <= 250; ++k) {
+    pose = *tracker->Track(Seen(k * kPeriod_ns, TrueAt(k * kPeriod_ns)));
+    if (k == 100) when_lost = pose;
+  }
+  EXPECT_EQ(when_lost.state, TrackingState::kLost);
+  EXPECT_EQ(pose.state, TrackingState::kLost);
+  EXPECT_EQ(pose.inlier_share, 0);
+  // A velocity that nothing confirms fades: 1.5 s on, it is less than half a metre.
+  EXPECT_LT(Log(when_lost.T_world_event.inverse() * pose.T_world_event).norm(), 0.3);
+}
+
 TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
   const auto tracker = Moving();
   std::optional<PoseEstimate> pose;

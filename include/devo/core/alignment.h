@@ -26,7 +26,8 @@ struct AlignmentResult {
   double cost = 0;              ///< mean robust cost per point
   int visible = 0;              ///< points expected in the image
   int matched = 0;              ///< of these, on an edge to within the truncation and of fitting direction
-  double inlier_share = 0;      ///< matched / visible, each point counted by how much its motion should show
+  double inlier_share = 0;      ///< matched / visible, each point counted by how much its motion should show;
+                                ///< 0 where fewer than 30 matched: a handful matches by chance
   double mean_residual_px = 0;  ///< mean absolute residual of the matched
   int iterations = 0;
 };

@@ -497,14 +497,13 @@ class Validator {
                        event_columns_ - 1, event_rows_ - 1, camera.width(), camera.height()));
       }
       if (rig.depth_from_lidar) {
-        DescribePose("LiDAR", rig.T_event_depth);
+        DescribePose("LiDAR", rig.T_event_depth, "");
         return;
       }
       const Camera& depth = rig.depth_camera;
       if (!rig.depth_registered) {
-        DescribePose(Format("depth camera %dx%d, f %.1f %.1f (%s);", depth.width(), depth.height(), depth.fx(), depth.fy(),
-                            SourceOf(config_->depth_camera, config_->topics.depth_camera_info).c_str()),
-                     rig.T_event_depth);
+        DescribePose(Format("depth camera %dx%d, f %.1f %.1f;", depth.width(), depth.height(), depth.fx(), depth.fy()),
+                     rig.T_event_depth, SourceOf(config_->depth_camera, config_->topics.depth_camera_info) + "; ");
       }
       if (depth_columns_ != depth.width() || depth_rows_ != depth.height()) {
         Problem(Format("depth images are %dx%d, their camera's calibration %dx%d", depth_columns_, depth_rows_,
@@ -515,10 +514,10 @@ class Validator {
     }
   }
 
-  void DescribePose(const std::string& sensor, const Rigid3& T_event_sensor) {
+  void DescribePose(const std::string& sensor, const Rigid3& T_event_sensor, const std::string& source) {
     const Eigen::Vector3d p = T_event_sensor.translation();
-    Say(sensor + Format(" at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by %.1f deg (%s)\n", p.x(), p.y(),
-                        p.z(), RotationAngle(T_event_sensor) * 57.29578,
+    Say(sensor + Format(" at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by %.1f deg (%s%s)\n", p.x(),
+                        p.y(), p.z(), RotationAngle(T_event_sensor) * 57.29578, source.c_str(),
                         config_->T_event_depth ? "configuration" : "/tf_static"));
     if (p.norm() > 1) Warn("the sensors are more than 1 m apart: are the extrinsics in metres?");
   }

@@ -351,7 +351,7 @@ class VectorWriter : public SimBagWriter {
     if (sequence_.options().lidar) {
       Add(directory + "camera_lidar_extrinsic_results.yaml",
           "camera_number: 2\ncam1:\n  camera_name: left_regular_camera\n  T_cam_lidar: " +
-              MatrixYaml(sequence_.lidar_model().T_event_lidar, false, indent));
+              MatrixYaml(T_cam0_event * sequence_.lidar_model().T_event_lidar, false, indent));
     }
     Add(directory + "camera_mocap_extrinsic_results1.yaml",
         "camera_number: 1\ncam0:\n  camera_name: left_regular_camera\n  T_body_cam: " +

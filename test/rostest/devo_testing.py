@@ -83,7 +83,7 @@ class Record:
     def _on_diagnostics(self, message):
         with self.lock:
             for status in message.status:
-                self.diagnostics[status.name] = status
+                self.diagnostics.setdefault(status.name, []).append(status)
 
     def epoch(self):
         with self.lock:
@@ -99,12 +99,15 @@ class Record:
                 runs[-1].append(message)
         return runs[epoch] if epoch < len(runs) else []
 
-    def diagnostic(self, end_of_name):
-        """Key to value of the latest status whose name ends so, and its level and message."""
+    def diagnostics_named(self, end_of_name):
+        """Key to value of each status whose name ends so, and its level and message; oldest first."""
         with self.lock:
-            for name, status in self.diagnostics.items():
+            for name, statuses in self.diagnostics.items():
                 if name.endswith(end_of_name):
-                    values = {pair.key: pair.value for pair in status.values}
-                    values["level"], values["message"] = status.level, status.message
-                    return values
+                    return [dict({pair.key: pair.value for pair in status.values}, level=status.level,
+                                 message=status.message) for status in statuses]
         raise AssertionError("no diagnostics of '%s'; there are %s" % (end_of_name, sorted(self.diagnostics)))
+
+    def diagnostic(self, end_of_name):
+        """The latest of them."""
+        return self.diagnostics_named(end_of_name)[-1]

@@ -95,7 +95,6 @@ SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
 
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
-  options_changed_ = false;
   changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
   return changed || ViewMoved() ? MakeLocalMap() : nullptr;
 }

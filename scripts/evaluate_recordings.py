@@ -6,14 +6,18 @@
     scripts/evaluate_recordings.py --data DIR --only desk --depth-rate 30 5 1
     scripts/evaluate_recordings.py --data DIR --variant "plain: --config config/method_paper.yaml" \\
                                               --variant "no filter: --set surface.noise_neighbours=0"
+    scripts/evaluate_recordings.py --data DIR --variants scripts/ablation.txt --summary clean noisy dark
 
 The table of recordings has one line each: name, configurations (comma-separated, relative to the repository) and bags
 (comma-separated, relative to --data). A variant is a name and arguments that are added to devo_offline's; without any,
-the defaults are run. Lines of recordings whose bags are missing are skipped and said so.
+the defaults are run. Lines of recordings whose bags are missing are skipped and said so. With --summary there is one row
+per depth rate and variant: for the recordings whose names contain each word, the geometric mean of the ATE and the worst.
 """
 import argparse
+import collections
 import concurrent.futures
 import json
+import math
 import os
 import shlex
 import shutil
@@ -35,6 +39,11 @@ def read_table(path):
                 sys.exit(f"{path}: '{line.strip()}': expected 'name configurations bags'")
             recordings.append((words[0], words[1].split(','), words[2].split(',')))
     return recordings
+
+
+def read_variants(path):
+    with open(path) as file:
+        return [line for line in (line.split('#')[0].strip() for line in file) if line]
 
 
 def find_program(given):
@@ -91,22 +100,50 @@ def row(job, status, report, message):
     return head + ' | '.join(cells) + ' |' + note
 
 
+def times(ates, usual):
+    """Geometric mean of how many times the errors by recording are the usual ones, over recordings that have both."""
+    ratios = [math.log(ates[name] / usual[name]) for name in ates if usual.get(name)]
+    return math.exp(sum(ratios) / len(ratios)) if ratios else None
+
+
+def summary(results, words):
+    """Rows by depth rate and variant, in their order; an error is that of the poses that are not called lost."""
+    ates, lost = collections.OrderedDict(), collections.Counter()
+    for (recording, rate, (variant, _)), _, report, _ in results:
+        ate = (report.get('evaluation') or {}).get('ate_rmse_m')
+        ates.setdefault((rate, variant), {}).update({recording[0]: ate} if ate else {})
+        lost[rate, variant] += not report or not report['poses'] or len(report['lost_intervals']) > 0
+    firsts = {}
+    for (rate, variant), by_name in ates.items():
+        cells = []
+        for word in words:
+            group = [1000 * ate for name, ate in by_name.items() if word in name]
+            mean = math.exp(sum(map(math.log, group)) / len(group)) if group else None
+            cells.append(f'{mean:.2f} / {max(group):.2f}' if group else '-')
+        cells.append(number(times(by_name, firsts.setdefault(rate, by_name)), 2))
+        yield f'| {rate} | {variant} | ' + ' | '.join(cells) + f' | {lost[rate, variant]} |'
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--data', required=True, help='folder of the bags')
-    parser.add_argument('--recordings', default=os.path.join(REPOSITORY, 'scripts/recordings.txt'), help='table of recordings')
+    parser.add_argument('--recordings', nargs='+', default=[os.path.join(REPOSITORY, 'scripts/recordings.txt')],
+                        help='tables of recordings')
     parser.add_argument('--only', nargs='+', default=[''], help='names that contain one of these')
     parser.add_argument('--depth-rate', nargs='+', default=['all'], help="depth images per second ('all': every one)")
     parser.add_argument('--variant', action='append', default=[], help='"name: arguments of devo_offline", repeatable')
+    parser.add_argument('--variants', help='file with a variant per line')
+    parser.add_argument('--summary', nargs='+', metavar='WORD', help='one row per variant, columns by words in names')
     parser.add_argument('--devo-offline', help='program; else from PATH or build/')
     parser.add_argument('--out', help='folder that keeps the results; else a temporary one')
     parser.add_argument('--jobs', type=int, default=2, help='runs at once; real-time factors are honest with 1')
     arguments = parser.parse_args()
     program = find_program(arguments.devo_offline)
+    texts = (read_variants(arguments.variants) if arguments.variants else []) + arguments.variant
     variants = [(text.split(':', 1)[0].strip(), shlex.split(text.split(':', 1)[1] if ':' in text else ''))
-                for text in arguments.variant] or [('default', [])]
+                for text in texts] or [('default', [])]
     recordings = []
-    for recording in read_table(arguments.recordings):
+    for recording in [recording for table in arguments.recordings for recording in read_table(table)]:
         if not any(word in recording[0] for word in arguments.only):
             continue
         missing = [bag for bag in recording[2] if not os.path.exists(os.path.join(arguments.data, bag))]
@@ -116,14 +153,22 @@ def main():
             recordings.append(recording)
     out = arguments.out or tempfile.mkdtemp(prefix='devo_evaluation_')
     jobs = [(recording, rate, variant) for recording in recordings for rate in arguments.depth_rate for variant in variants]
-    print('| recording | depth Hz | variant | ATE cm | % of path | RPE deg | RPE cm | final deg | final cm | NEES | lost | '
-          'coverage % | references | x real time | CPU s/s |')
-    print('|' + '---|' * 15)
-    failed = 0
+    if arguments.summary:
+        columns = ['depth Hz', 'variant'] + [f'{word}: ATE mm, mean / worst' for word in arguments.summary]
+        columns += [f'x {variants[0][0]}', 'lost']
+    else:
+        columns = ['recording', 'depth Hz', 'variant', 'ATE cm', '% of path', 'RPE deg', 'RPE cm', 'final deg', 'final cm',
+                   'NEES', 'lost', 'coverage %', 'references', 'x real time', 'CPU s/s']
+    print('| ' + ' | '.join(columns) + ' |\n|' + '---|' * len(columns), flush=True)
+    results = []
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         for result in pool.map(lambda job: run(program, arguments.data, out, job), jobs):
-            print(row(*result), flush=True)
-            failed += result[1] != 0
+            if not arguments.summary:
+                print(row(*result), flush=True)
+            results.append(result)
+    for line in summary(results, arguments.summary) if arguments.summary else []:
+        print(line)
+    failed = sum(status != 0 for _, status, _, _ in results)
     if not arguments.out:
         shutil.rmtree(out)
     if failed:

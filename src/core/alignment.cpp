@@ -16,7 +16,8 @@ constexpr int kMinMatched = 30;  // fewer points hold no pose, however large the
 
 /// Points that should show in the surface, with what their edges look like from the start pose.
 void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
-                   const Rigid3& T_event_ref, const Vector6d& velocity_event, std::vector<AlignmentPoint>* prepared) {
+                   const Rigid3& T_event_ref, const Vector6d& velocity_event, const TrackingIdeas& ideas,
+                   std::vector<AlignmentPoint>* prepared) {
   const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
   prepared->clear();
@@ -32,10 +33,14 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
       const Eigen::Vector2f normal = ProjectNormal(point.normal_ref, R, p);
       const float across_px =
           normal.dot(ImageVelocity(velocity_event, p, camera)) * static_cast<float>(surface.window_s);
-      out.normal_x = normal.x();
-      out.normal_y = normal.y();
-      out.expected = VisibilityOfMotion(across_px);
-      out.polarity = std::abs(across_px) > kClearMotion_px ? -std::copysign(point.sign, point.sign * across_px) : 0.0F;
+      if (ideas.match_direction) {
+        out.normal_x = normal.x();
+        out.normal_y = normal.y();
+      }
+      if (ideas.visibility_weight) out.expected = VisibilityOfMotion(across_px);
+      if (ideas.match_polarity && std::abs(across_px) > kClearMotion_px) {
+        out.polarity = -std::copysign(point.sign, point.sign * across_px);
+      }
     }
     prepared->push_back(out);
   }
@@ -72,7 +77,7 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
                       const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options) {
   // Kept from call to call, so that nothing is allocated per pose.
   thread_local std::vector<AlignmentPoint> prepared;
-  PreparePoints(points, surface, camera, prior.T_event_ref, velocity_event, &prepared);
+  PreparePoints(points, surface, camera, prior.T_event_ref, velocity_event, options.tracking.ideas, &prepared);
   const AlignmentProblem problem(prepared, surface, camera, prior, prior.T_event_ref, options);
 
   ceres::TinySolver<CompressedProblem> solver;

@@ -40,7 +40,7 @@ AlignmentProblem::AlignmentProblem(const std::vector<AlignmentPoint>& points, co
       plain_(surface.nearest_edge.empty()),
       truncation_(plain_ ? 1.0F : static_cast<float>(options.surface.truncation_px)),
       huber_(truncation_ * static_cast<float>(options.tracking.huber_share)),
-      unmatched_(RobustRoot(truncation_, huber_).value) {}
+      unmatched_(options.tracking.ideas.unmatched_cost ? RobustRoot(truncation_, huber_).value : 0.0F) {}
 
 AlignmentProblem::Sample AlignmentProblem::SampleField(const AlignmentPoint& point, float u, float v) const {
   return plain_ ? SamplePlainSurface(u, v) : SampleNearestEdge(point, u, v);

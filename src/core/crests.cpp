@@ -19,6 +19,7 @@ constexpr int kMargin = 3;  // pixels at the border that have no crests
 constexpr float kMaxOffset_px = 0.6F;
 constexpr float kSide_px = 2.5F;
 constexpr float kMaxSideShare = 0.6F;
+constexpr float kAnySide = 1e9F;  // no side is higher
 
 /// Integer 5-tap kernel (c, b, a, b, c) that sums to 16: its variance is (2 b + 8 c) / 16.
 std::array<int, 3> KernelFor(double sigma_px) {
@@ -188,9 +189,9 @@ static_assert(kFloats == 6, "an edge is written as four floats and two");
 /// Writes the crests among the first `used` of four pixels of row y to `out`, which has room for four, and returns how
 /// many there are.
 inline int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, const Columns& x, int used,
-                       float* out) {
+                       float max_side_share, float* out) {
   const Ridges ridges(blurred, y, x);
-  const auto hidden = Sides(blurred, y, x, ridges) >= All(kMaxSideShare) * ridges.v;
+  const auto hidden = Sides(blurred, y, x, ridges) >= All(max_side_share) * ridges.v;
   const int found = ~cv::v_signmask(ridges.missing | hidden) & ((1 << used) - 1);
   if (found == 0) return 0;
   const auto polarity = signed_events.empty() ? All(0) : Polarity(signed_events, y, x, ridges.v);
@@ -215,16 +216,16 @@ inline int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events,
 }
 
 /// Appends the crests among the peaks of row y and empties the list.
-inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, PixelList* peaks,
-                         std::vector<EdgePoint>* crests) {
+inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, float max_side_share,
+                         PixelList* peaks, std::vector<EdgePoint>* crests) {
   std::array<float, kFloats*(PixelList::kFull + 16)> found;  // edges, not initialised: thousands are written
   int count = 0;
   for (int first = 0; first < peaks->size(); first += 4) {
     const int last = peaks->size() - 1;
     Columns x;
     for (int k = 0; k < 4; ++k) x[k] = (*peaks)[std::min(first + k, last)];
-    count +=
-        WriteCrests(blurred, signed_events, y, x, std::min(4, peaks->size() - first), found.data() + kFloats * count);
+    count += WriteCrests(blurred, signed_events, y, x, std::min(4, peaks->size() - first), max_side_share,
+                         found.data() + kFloats * count);
   }
   const auto* edges = reinterpret_cast<const EdgePoint*>(found.data());
   crests->insert(crests->end(), edges, edges + count);
@@ -384,9 +385,10 @@ int OccupiedQuantile(const cv::Mat1w& image, double quantile) {
   return (kBins - 1) << kShift;
 }
 
-void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold,
-                std::vector<EdgePoint>* crests) {
+void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold, std::vector<EdgePoint>* crests,
+                bool clear_only) {
   crests->clear();
+  const float max_side_share = clear_only ? kMaxSideShare : kAnySide;
   const int right = blurred.cols - kMargin, bottom = blurred.rows - kMargin;
   const auto floor = static_cast<std::uint16_t>(std::max(threshold, kEventWeight / 8));
   for (int y = kMargin; y < bottom && crests->size() < Surface::kMaxEdges; ++y) {
@@ -396,9 +398,9 @@ void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int th
       const int bits = Peaks(row + x, blurred.step1(), floor) & (0xFF >> std::max(x + 8 - right, 0));
       if (bits == 0) continue;
       peaks.Append(x, bits);
-      if (peaks.size() >= PixelList::kFull) AppendCrests(blurred, signed_events, y, &peaks, crests);
+      if (peaks.size() >= PixelList::kFull) AppendCrests(blurred, signed_events, y, max_side_share, &peaks, crests);
     }
-    if (peaks.size() > 0) AppendCrests(blurred, signed_events, y, &peaks, crests);
+    if (peaks.size() > 0) AppendCrests(blurred, signed_events, y, max_side_share, &peaks, crests);
   }
   if (crests->size() > Surface::kMaxEdges) crests->resize(Surface::kMaxEdges);
 }

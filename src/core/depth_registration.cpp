@@ -205,7 +205,7 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
   std::sort(around.begin(), around.begin() + count, [](const Neighbour& a, const Neighbour& b) { return a.z < b.z; });
 
   // The nearest cluster that is more than a few flying pixels is the foreground.
-  const std::size_t enough = std::max<std::size_t>(kMinReadings, count / 6);
+  const std::size_t enough = options_.ideas.flying_pixels ? std::max<std::size_t>(kMinReadings, count / 6) : 1;
   std::size_t begin = 0, end = 1;
   for (; end <= count; ++end) {
     if (end < count && around[end].z - around[end - 1].z < SurfaceGap(around[end].z)) continue;
@@ -225,7 +225,8 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
                           quadrants != 0b0101 && quadrants != 0b1010;
   const bool silhouette = end < count;
   // Not surrounded, the edge is a silhouette (readings of the background beyond) or beside a hole.
-  if (!surrounded && nearest2 > 0.25F * radius_px_ * radius_px_ + 0.5F) return std::nullopt;
+  if (options_.ideas.surrounded_depth && !surrounded && nearest2 > 0.25F * radius_px_ * radius_px_ + 0.5F)
+    return std::nullopt;
   float variance = 0;
   for (std::size_t i = begin; i < end; ++i) variance += (around[i].z - mean) * (around[i].z - mean) / (end - begin);
   const float z = InterpolateOnPlane(&around[begin], around.data() + end, radius_px_);

@@ -152,7 +152,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
     const auto T_world_surface = poses_.At(surface->t_edges_ns, 0.05), T_world_then = poses_.At(depth.t_ns, 0.05);
     if (!T_world_surface || !T_world_then) return false;
     T_world_event = *T_world_surface;
-    T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
+    if (options_.mapping.ideas.move_depth) T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
   }
   if (registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges) == 0) {
     ++counters_.depth_without_valid_pixel;
@@ -161,7 +161,11 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
   ++counters_.depth_used;
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
   scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
-  occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
+  if (options_.mapping.ideas.hide_points) {
+    occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
+  } else {
+    occluder_.reset();
+  }
   if (surface->still || (!map_.empty() && !trackable_)) return false;
 
   if (!options_.mapping.reuse_references) {
@@ -172,7 +176,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
     map_ = previous;
     return false;
   }
-  const auto visible = map_.Project(T_world_event, &*occluder_);
+  const auto visible = map_.Project(T_world_event, occluder_ ? &*occluder_ : nullptr);
   map_.UpdateSupport(*surface, visible, velocity_);
   return AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
 }

@@ -168,7 +168,7 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
     if (std::abs(distance) < kSupportDistance_px) reference.met[point.point] += weight;
   }
   for (std::size_t k = 0; k < references_.size(); ++k) {
-    if (touched[k]) Prune(&references_[k]);
+    if (touched[k] && options_.ideas.drop_points) Prune(&references_[k]);
   }
 }
 
@@ -188,12 +188,11 @@ void ReferenceMap::Prune(Reference* reference) {
 }
 
 std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const {
-  const int columns = (camera_.width() + kSelectionCell_px - 1) / kSelectionCell_px;
-  const int rows = (camera_.height() + kSelectionCell_px - 1) / kSelectionCell_px;
+  const int cell_px = options_.ideas.spread_points ? kSelectionCell_px : std::max(camera_.width(), camera_.height());
+  const int columns = (camera_.width() + cell_px - 1) / cell_px, rows = (camera_.height() + cell_px - 1) / cell_px;
   std::vector<std::vector<std::size_t>> cells(static_cast<std::size_t>(columns) * rows);
   for (std::size_t i = 0; i < visible.size(); ++i) {
-    cells[static_cast<std::size_t>(visible[i].v) / kSelectionCell_px * columns +
-          static_cast<std::size_t>(visible[i].u) / kSelectionCell_px]
+    cells[static_cast<std::size_t>(visible[i].v) / cell_px * columns + static_cast<std::size_t>(visible[i].u) / cell_px]
         .push_back(i);
   }
   // The largest quota per cell that stays within the budget: crowded cells give, sparse ones keep all.

@@ -259,11 +259,14 @@ void SurfaceBuilder::Impl::RenderCompensated(const Vector6d& velocity_event, con
   kept.ForPieces(first, [&](const RayEvent* events, std::size_t count) {
     for (std::size_t i = 0; i < count; ++i) age_sum_ns += surface->t_ns - events[i].t_ns();
   });
-  if (surface->events_used) surface->t_edges_ns -= age_sum_ns / surface->events_used;
-  Accumulate(first, surface->t_edges_ns, velocity_event, depth);
+  if (surface->events_used && options.ideas.mean_time) surface->t_edges_ns -= age_sum_ns / surface->events_used;
+  const Vector6d velocity = options.ideas.move_events ? velocity_event : Vector6d(Vector6d::Zero());
+  SceneDepth scene = depth;
+  if (!options.ideas.depth_grid) scene.inverse_depth.release();
+  Accumulate(first, surface->t_edges_ns, velocity, scene);
   Blur(accumulated, options.blur_px, &scratch, &blurred);
   const int threshold = OccupiedQuantile(blurred, options.crest_quantile);
-  FindCrests(blurred, accumulated_sign, threshold, &surface->edges);
+  FindCrests(blurred, accumulated_sign, threshold, &surface->edges, options.ideas.clear_crests);
   surface->nearest_edge.create(surface->image.size());
   BuildNearestEdgeField(surface->edges, options.truncation_px, &surface->nearest_edge);
   // For people: three times the crest threshold is white.

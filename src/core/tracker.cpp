@@ -18,6 +18,7 @@ constexpr double kPointsPerMeasurement = 15;
 // this many times less beside it. What poses share with the map is not in the filter's covariance either.
 constexpr double kInertialCaution = 4, kInertialShared = 1.6;
 constexpr double kEdgeSigma_px = 0.5;
+constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 // Surfaces are compensated with the mean velocity of this span, about that of their events: the filter's velocity is
 // newer, but noisier, and its noise would come back through the surfaces.
 constexpr double kVelocitySpan_s = 0.04;
@@ -71,6 +72,7 @@ int Tracker::Surfaces(double span_s) const {
 
 Vector6d Tracker::MeanVelocity() const {
   if (history_.empty()) return Vector6d::Zero();
+  if (!options_.tracking.ideas.mean_velocity) return motion_.Predict(motion_.time_ns()).velocity_event;
   const auto T_world_then = history_.At(history_.last_time_ns() - NsFromSeconds(kVelocitySpan_s));
   return T_world_then ? Vector6d(Log(T_world_then->inverse() * history_.last()) / kVelocitySpan_s) : Vector6d::Zero();
 }
@@ -153,6 +155,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * (inertial_prior_ ? kInertialCaution : 1));
   const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
+  if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
     Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
@@ -183,6 +186,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
 }
 
 bool Tracker::Recover(const Surface& surface, AlignmentResult* result) {
+  if (!options_.tracking.ideas.search) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const auto found = relocalizer_.Search(surface, map_, {T_world_now, T_world_before_}, state_ == TrackingState::kLost,
                                          std::max(0.5 * usual_share_, result->inlier_share + kBetterBy));

@@ -280,6 +280,49 @@ TEST(Alignment, DoesNotMatchEdgesOfAnotherDirectionOrOppositePolarity) {
   }
 }
 
+TEST(Alignment, MatchesEdgesOfAnyDirectionOrPolarityWhenThatIsSwitchedOff) {
+  std::vector<MapPoint> upright, lying;
+  AddSegment({119.5, 60}, {119.5, 120}, 2, &upright);
+  AddSegment({90, 89.5}, {150, 89.5}, 2, &lying);
+  OdometryOptions options;
+  options.tracking.ideas.match_direction = false;
+  const Surface surface = Seen(upright, Rigid3());
+  EXPECT_GT(Align(lying, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).matched, 0);
+
+  options = OdometryOptions();
+  options.tracking.ideas.match_polarity = false;
+  for (MapPoint& point : upright) point.sign = 1;
+  for (const float polarity : {-1.0F, 1.0F}) {
+    Surface signed_surface = Seen(upright, Rigid3());
+    for (EdgePoint& edge : signed_surface.edges) edge.polarity = polarity;
+    const auto result = Align(upright, signed_surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Unit(0), options);
+    EXPECT_EQ(result.matched, result.visible);
+  }
+}
+
+TEST(Alignment, WeighsAnEdgeThatMovesAlongItselfATenthUnlessThatIsSwitchedOff) {
+  std::vector<MapPoint> upright;
+  AddSegment({119.5, 60}, {119.5, 120}, 2, &upright);
+  const Surface surface = Seen(upright, Rigid3());
+  const auto information = [&](const OdometryOptions& options) {
+    return Align(upright, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Unit(1), options).information.trace();
+  };
+  OdometryOptions off;
+  off.tracking.ideas.visibility_weight = false;
+  EXPECT_NEAR(information(off) / information(OdometryOptions()), 10, 0.01);
+}
+
+TEST(Alignment, ChargesForPointsWithoutAnEdgeUnlessThatIsSwitchedOff) {
+  const Surface surface = Seen({}, Rigid3());
+  const auto cost = [&](const OdometryOptions& options) {
+    return Align(Scene(), surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).cost;
+  };
+  OdometryOptions off;
+  off.tracking.ideas.unmatched_cost = false;
+  EXPECT_GT(cost(OdometryOptions()), 0.1);
+  EXPECT_EQ(cost(off), 0);
+}
+
 TEST(Alignment, WithoutPointsOrEdgesStaysAtThePrior) {
   const Rigid3 start = Exp(0.1 * Vector6d::Ones());
   const auto no_points = Align({}, Seen(Scene(), Rigid3()), TestCamera(), WeakPrior(start), Vector6d::Zero(), {});

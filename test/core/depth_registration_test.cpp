@@ -130,6 +130,27 @@ TEST(DepthRegistration, IgnoresFlyingPixels) {
   EXPECT_NEAR(on_plane->z_m, 2, 1e-3);
 }
 
+TEST(DepthRegistration, TakesTheNearestReadingForTheForegroundWhenFlyingPixelsAreNotSoughtFor) {
+  cv::Mat1f in_front(120, 160, 2.0F);
+  in_front(60, 50) = in_front(61, 50) = 0.6F;
+  MappingOptions options;
+  options.ideas.flying_pixels = false;
+  const auto depth = DepthIn(in_front, 50.2F, 60.3F, options);
+  ASSERT_TRUE(depth);
+  EXPECT_NEAR(depth->z_m, 0.6, 1e-3);
+}
+
+TEST(DepthRegistration, RefusesReadingsThatAreFarAndOnOneSideUnlessThatIsSwitchedOff) {
+  cv::Mat1f left_half(120, 160, 0.0F);
+  left_half.colRange(0, 51).setTo(2);
+  MappingOptions options;
+  EXPECT_FALSE(DepthIn(left_half, 51.5F, 60.3F, options));
+  options.ideas.surrounded_depth = false;
+  const auto depth = DepthIn(left_half, 51.5F, 60.3F, options);
+  ASSERT_TRUE(depth);
+  EXPECT_NEAR(depth->z_m, 2, 1e-3);
+}
+
 TEST(DepthRegistration, NeverTakesInvalidReadings) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
   for (const float invalid : {0.0F, -1.0F, nan, infinity, -infinity, 0.05F, 1000.0F}) {

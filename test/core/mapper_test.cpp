@@ -177,6 +177,40 @@ TEST(Mapper, MeetsADepthImageThatComesLateWithTheSurfaceAndPoseOfItsTime) {
   EXPECT_NEAR(points[400].p_ref.x(), 0.1 + 2 * (120 - 79.5) / 120, 2e-3);
 }
 
+/// A point of a reference made of a surface at 190 ms and a depth image 4 ms later, nearing the wall at 10 m/s.
+double DepthOfMovedImage_m(const OdometryOptions& options) {
+  Mapper mapper = WithFirstReference(options);
+  for (const int ms : {190, 200}) {
+    mapper.AddSurface(SurfaceAt(ms * kMs, Edges(200, 100)));
+    mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({0, 0, 0.01 * (ms - 190)})));
+  }
+  mapper.AddDepth(Wall(194 * kMs));
+  EXPECT_TRUE(mapper.Update());
+  EXPECT_EQ(mapper.counters().references, 2U);
+  return mapper.GlobalMap().back().p_ref.z();
+}
+
+TEST(Mapper, MovesADepthImageToTheTimeOfItsSurfaceUnlessThatIsSwitchedOff) {
+  OdometryOptions options;
+  EXPECT_NEAR(DepthOfMovedImage_m(options), 2.04, 5e-3);
+  options.mapping.ideas.move_depth = false;
+  EXPECT_NEAR(DepthOfMovedImage_m(options), 2, 5e-3);
+}
+
+TEST(Mapper, LeavesPointsThatADepthImageHidesOutOfTheLocalMapUnlessThatIsSwitchedOff) {
+  for (const bool hide : {true, false}) {
+    OdometryOptions options;
+    options.mapping.ideas.hide_points = hide;
+    Mapper mapper = WithFirstReference(options);
+    mapper.AddSurface(SurfaceAt(200 * kMs, {}));
+    mapper.AddPose(PoseAt(200 * kMs, Rigid3::Translation({0.05, 0, 0})));
+    mapper.AddDepth(Wall(200 * kMs, 1));
+    const auto map = mapper.Update();
+    ASSERT_TRUE(map);
+    EXPECT_EQ(map->points.empty(), hide);
+  }
+}
+
 TEST(Mapper, WaitsForThePoseOfTheSurface) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(300, 100)));

@@ -39,9 +39,10 @@ Surface SurfaceWith(const std::vector<Eigen::Vector2f>& at) {
   return surface;
 }
 
-ReferenceMap MapOf(std::vector<MapPoint> points, int max_points = 2000) {
+ReferenceMap MapOf(std::vector<MapPoint> points, int max_points = 2000, const MappingIdeas& ideas = {}) {
   MappingOptions options;
   options.max_points = max_points;
+  options.ideas = ideas;
   ReferenceMap map(TestCamera(), options);
   map.Add(1, Rigid3(), std::move(points));
   return map;
@@ -123,6 +124,16 @@ TEST(ReferenceMap, DropsAPointThatMeetsNoEdgeAndKeepsOneThatDoes) {
   EXPECT_NEAR(map.Project(Rigid3(), nullptr)[0].u, 50, 1e-3);
 }
 
+TEST(ReferenceMap, KeepsPointsThatMeetNoEdgeWhenDroppingThemIsSwitchedOff) {
+  MappingIdeas ideas;
+  ideas.drop_points = false;
+  ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)}, 2000, ideas);
+  for (int k = 0; k < 20; ++k) {
+    map.UpdateSupport(SurfaceWith({{50.5F, 40}}), map.Project(Rigid3(), nullptr), Sideways());
+  }
+  EXPECT_THAT(map.AllPoints(), SizeIs(2));
+}
+
 TEST(ReferenceMap, DoesNotJudgePointsWhoseMotionMakesNoEvents) {
   ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)});
   for (int k = 0; k < 50; ++k) {
@@ -151,6 +162,18 @@ TEST(ReferenceMap, SelectsNoMorePointsThanAllowedAndTakesThemFromTheCrowd) {
     return TestCamera().Project(point.p_ref.cast<double>())->x() > 35;
   });
   EXPECT_EQ(elsewhere, 40);  // all that there are
+}
+
+TEST(ReferenceMap, SelectsMostlyFromTheCrowdWhenSpreadingIsSwitchedOff) {
+  MappingIdeas ideas;
+  ideas.spread_points = false;
+  const ReferenceMap map = MapOf(CrowdAndSpread(), 200, ideas);
+  const auto selected = map.Select(map.Project(Rigid3(), nullptr), Rigid3());
+  EXPECT_EQ(selected.size(), 200U);
+  const auto elsewhere = std::count_if(selected.begin(), selected.end(), [](const MapPoint& point) {
+    return TestCamera().Project(point.p_ref.cast<double>())->x() > 35;
+  });
+  EXPECT_LT(elsewhere, 15);  // their share of all points is 3 of 200
 }
 
 TEST(ReferenceMap, SelectsEverythingWhereThereIsNoCrowd) {

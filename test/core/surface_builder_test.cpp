@@ -180,6 +180,53 @@ TEST(CompensatedSurface, TakesTheDepthOfEachPlaceFromTheGrid) {
   for (const double error : far_errors) EXPECT_NEAR(error, 0, 0.3);
 }
 
+TEST(CompensatedSurface, HasItsEventsWhereTheyAreWhenMovingThemIsSwitchedOff) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0, 0));
+  SurfaceOptions off = WithoutFilter();
+  off.ideas.move_events = false;
+  const auto surface = SurfaceOf(edge.Events(), edge.velocity, 2, off);
+  EXPECT_EQ(cv::norm(surface->image, SurfaceOf(edge.Events(), Vector6d::Zero(), 2)->image, cv::NORM_INF), 0);
+  EXPECT_GT(cv::norm(surface->image, SurfaceOf(edge.Events(), edge.velocity, 2)->image, cv::NORM_INF), 50);
+}
+
+TEST(CompensatedSurface, ShowsEdgesAtItsOwnTimeAndMovesThemWithTheVelocitysErrorWhenTheMeanTimeIsSwitchedOff) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0, 0));
+  SurfaceOptions off = WithoutFilter();
+  off.ideas.mean_time = false;
+  const auto surface = SurfaceOf(edge.Events(), edge.velocity, 2, off);
+  EXPECT_EQ(surface->t_edges_ns, kT_ns);
+  const auto errors = CrestErrors(*surface, edge);
+  EXPECT_GE(errors.size(), 80U);
+  for (const double error : errors) EXPECT_NEAR(error, 0, 0.15);
+  EXPECT_GT(std::abs(Mean(CrestErrors(*SurfaceOf(edge.Events(), 0.8 * edge.velocity, 2, off), edge))), 0.3);
+}
+
+TEST(CompensatedSurface, TakesTheMedianForEveryPlaceWhenTheGridIsSwitchedOff) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0, 0));
+  SceneDepth depth;
+  depth.median_m = 4;
+  depth.inverse_depth = (cv::Mat1f(1, 2) << 0.5, 0.5);
+  SurfaceOptions off = WithoutFilter();
+  off.ideas.depth_grid = false;
+  for (const SurfaceOptions& options : {WithoutFilter(), off}) {
+    SurfaceBuilder builder(TestCamera(), options);
+    builder.Insert(edge.Events());
+    const auto surface = builder.Render(kT_ns, edge.velocity, depth);
+    const auto expected = SurfaceOf(edge.Events(), edge.velocity, options.ideas.depth_grid ? 2 : 4);
+    EXPECT_EQ(cv::norm(surface->image, expected->image, cv::NORM_INF), 0) << options.ideas.depth_grid;
+  }
+}
+
+TEST(CompensatedSurface, TakesCrestsInTextureForEdgesWhenTheirTestIsSwitchedOff) {
+  std::vector<Event> events;  // in every other column: ridges side by side
+  for (int k = 0; k < 1900; ++k)
+    events.push_back(At(kT_ns - 2'000'000 + 1000 * k, 40 + 2 * (k % 20), 30 + k / 20 % 40));
+  SurfaceOptions options = WithoutFilter();
+  const std::size_t usual = SurfaceOf(events, Vector6d::Zero(), 0, options)->edges.size();
+  options.ideas.clear_crests = false;
+  EXPECT_GT(SurfaceOf(events, Vector6d::Zero(), 0, options)->edges.size(), usual + 100);
+}
+
 TEST(CompensatedSurface, HasNoEdgesWithoutEvents) {
   const auto surface = SurfaceOf({}, Vector6d::Zero(), 0);
   EXPECT_THAT(surface->edges, IsEmpty());

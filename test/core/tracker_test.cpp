@@ -83,8 +83,10 @@ Vector6d Twist() {
 Rigid3 TrueAt(std::int64_t t_ns) { return Exp(Twist() * SecondsFromNs(t_ns)); }
 
 /// A tracker that has followed the constant motion for 50 surfaces.
-std::unique_ptr<Tracker> Moving() {
-  auto tracker = std::make_unique<Tracker>(TestCamera(), OdometryOptions());
+std::unique_ptr<Tracker> Moving(const TrackingIdeas& ideas = {}) {
+  OdometryOptions options;
+  options.tracking.ideas = ideas;
+  auto tracker = std::make_unique<Tracker>(TestCamera(), options);
   tracker->SetMap(Map());
   for (int k = 1; k <= 50; ++k) tracker->Track(Seen(k * kPeriod_ns, TrueAt(k * kPeriod_ns)));
   return tracker;
@@ -213,6 +215,52 @@ TEST(Tracker, FindsThePoseAgainAfterAJump) {
   EXPECT_EQ(pose->state, TrackingState::kTracking);
   EXPECT_GT(pose->inlier_share, 0.9);
   EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 5e-3);
+}
+
+TEST(Tracker, FindsThePoseAfterAJumpFarBeyondItsReachUnlessTheSearchIsSwitchedOff) {
+  const Rigid3 jumped = TrueAt(kNow_ns) * Rigid3::Rotation(ExpSO3({0, 0.2, 0}));
+  TrackingIdeas off;
+  off.search = false;
+  for (const TrackingIdeas& ideas : {TrackingIdeas(), off}) {
+    const auto tracker = Moving(ideas);
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 60; ++k) pose = tracker->Track(Seen(kNow_ns + k * kPeriod_ns, jumped));
+    ASSERT_TRUE(pose);
+    EXPECT_EQ(Log(jumped.inverse() * pose->T_world_event).norm() < 5e-3, ideas.search);
+  }
+}
+
+TEST(Tracker, GivesWayToThePredictionUnlessThePriorIsSwitchedOff) {
+  // One pixel aside in 10 ms: an acceleration that nobody would believe.
+  const Rigid3 shown = TrueAt(kNow_ns + kPeriod_ns) * Rigid3::Rotation(ExpSO3({0, 0.005, 0}));
+  TrackingIdeas off;
+  off.motion_prior = false;
+  for (const TrackingIdeas& ideas : {TrackingIdeas(), off}) {
+    const auto pose = Moving(ideas)->Track(Seen(kNow_ns + kPeriod_ns, shown));
+    const double error = Log(shown.inverse() * pose->T_world_event_edges).norm();
+    if (ideas.motion_prior) {
+      EXPECT_GT(error, 5e-4);
+    } else {
+      EXPECT_LT(error, 1e-4);
+    }
+  }
+}
+
+TEST(Tracker, GivesTheNewestVelocityWhenItsMeanIsSwitchedOff) {
+  // From rest, 3 m/s^2 sideways for 0.2 s: the mean of 40 ms is 20 ms older than the newest.
+  const auto behind_m_s = [](bool mean_velocity) {
+    OdometryOptions options;
+    options.tracking.ideas.mean_velocity = mean_velocity;
+    Tracker tracker(TestCamera(), options);
+    tracker.SetMap(Map());
+    for (int k = 1; k <= 20; ++k) {
+      const double t_s = SecondsFromNs(k * kPeriod_ns);
+      tracker.Track(Seen(k * kPeriod_ns, Rigid3::Translation({1.5 * t_s * t_s, 0, 0})));
+    }
+    return 0.6 - tracker.MeanVelocity()[0];
+  };
+  EXPECT_GT(behind_m_s(false), 0);
+  EXPECT_LT(behind_m_s(false), behind_m_s(true) - 0.01);
 }
 
 TEST(Tracker, TakesAHandfulOfMatchesForNoPoseAndHoldsWhileItIsLost) {

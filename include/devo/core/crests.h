@@ -26,8 +26,9 @@ int OccupiedQuantile(const cv::Mat1w& image, double quantile);
 /// Ridge points of `blurred` above `threshold`: the second derivative across the ridge is negative and its
 /// extremum lies within 0.6 px of the pixel. `signed_events` (ON minus OFF, same scale, not blurred) gives
 /// the polarity and may be empty. Strength is in events per pixel. At most Surface::kMaxEdges are returned.
-void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold,
-                std::vector<EdgePoint>* crests);
+/// `clear_only`: those that stand out from both their sides.
+void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold, std::vector<EdgePoint>* crests,
+                bool clear_only = true);
 
 /// Nearest edge of every pixel within a square of +-`radius_px` (at most 30) around it, packed as Surface::nearest_edge
 /// says. `nearest` must have the image's size; of more than Surface::kMaxEdges edges the rest is left out.

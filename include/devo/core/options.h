@@ -8,6 +8,33 @@
 
 namespace devo {
 
+/// Ideas of the method that comparisons switch off, one at a time (scripts/ablation.txt); all should stay on.
+struct SurfaceIdeas {
+  bool move_events = true;
+  bool mean_time = true;
+  bool depth_grid = true;
+  bool clear_crests = true;
+};
+
+struct MappingIdeas {
+  bool move_depth = true;
+  bool hide_points = true;
+  bool flying_pixels = true;
+  bool surrounded_depth = true;
+  bool drop_points = true;
+  bool spread_points = true;
+};
+
+struct TrackingIdeas {
+  bool match_direction = true;
+  bool match_polarity = true;
+  bool visibility_weight = true;
+  bool unmatched_cost = true;
+  bool motion_prior = true;
+  bool mean_velocity = true;
+  bool search = true;
+};
+
 struct SurfaceOptions {
   std::string method = "motion_compensated";
   double rate_hz = 100;
@@ -22,6 +49,7 @@ struct SurfaceOptions {
   double still_activity_hz = 0.15;
   double tau_s = 0.03;
   double delta = 0.5;
+  SurfaceIdeas ideas;
 };
 
 struct MappingOptions {
@@ -34,6 +62,7 @@ struct MappingOptions {
   int max_points = 2000;
   int max_map_points = 200000;
   double lidar_window_s = 0.8;
+  MappingIdeas ideas;
 };
 
 struct TrackingOptions {
@@ -41,6 +70,7 @@ struct TrackingOptions {
   double huber_share = 0.1;
   double acceleration_m_s2 = 3;
   double angular_acceleration_rad_s2 = 10;
+  TrackingIdeas ideas;
 };
 
 struct OdometryOptions {
@@ -48,6 +78,47 @@ struct OdometryOptions {
   MappingOptions mapping;
   TrackingOptions tracking;
 };
+
+/// The part of VisitOptions that is for comparisons only.
+template <typename Options, typename Visitor>
+void VisitIdeas(Options& o, Visitor&& visit) {
+  auto& surface = o.surface.ideas;
+  visit("ablation.move_events", surface.move_events,
+        "for comparisons, should stay on, as all of ablation: events are moved along the motion; false: accumulated "
+        "where they are");
+  visit("ablation.mean_time", surface.mean_time,
+        "events are moved to the mean of their times; false: to the surface's time");
+  visit("ablation.depth_grid", surface.depth_grid,
+        "events are moved with the depth of their place; false: with the scene's median");
+  visit("ablation.clear_crests", surface.clear_crests,
+        "a crest stands out from both its sides; false: any ridge is an edge");
+  auto& mapping = o.mapping.ideas;
+  visit("ablation.move_depth", mapping.move_depth,
+        "depth images are moved to the surface's time; false: taken as if made then");
+  visit("ablation.hide_points", mapping.hide_points,
+        "points behind what the depth camera saw last are hidden; false: none is");
+  visit("ablation.flying_pixels", mapping.flying_pixels,
+        "a few readings in front of a surface are no foreground; false: the nearest reading counts");
+  visit("ablation.surrounded_depth", mapping.surrounded_depth,
+        "an edge with readings on one side only gets depth where they are near; false: always");
+  visit("ablation.drop_points", mapping.drop_points,
+        "points that seldom meet an edge where they should are dropped; false: kept");
+  visit("ablation.spread_points", mapping.spread_points,
+        "tracked points are spread over the image; false: drawn from all of it alike");
+  auto& tracking = o.tracking.ideas;
+  visit("ablation.match_direction", tracking.match_direction, "points match edges of their direction; false: of any");
+  visit("ablation.match_polarity", tracking.match_polarity,
+        "points match edges of the polarity that their motion makes; false: of any");
+  visit("ablation.visibility_weight", tracking.visibility_weight,
+        "points weigh as much as their motion should show; false: all alike");
+  visit("ablation.unmatched_cost", tracking.unmatched_cost,
+        "points without an edge cost as much as one at the truncation; false: nothing");
+  visit("ablation.motion_prior", tracking.motion_prior,
+        "the prediction holds directions that the edges leave open; false: it is the start only");
+  visit("ablation.mean_velocity", tracking.mean_velocity,
+        "surfaces are compensated with the mean velocity of 40 ms; false: with the filter's newest");
+  visit("ablation.search", tracking.search, "a better pose is sought when one matches less than usual; false: never");
+}
 
 /// Calls `visit(key, value&, min, max, meaning)` for numbers and `visit(key, string&, choices, meaning)` for
 /// names, `visit(key, bool&, meaning)` for switches, once per option. `Options` is OdometryOptions or const
@@ -96,6 +167,7 @@ void VisitOptions(Options& o, Visitor&& visit) {
         "standard deviation of the camera's acceleration: how far the motion prior trusts a constant velocity");
   visit("tracking.angular_acceleration_rad_s2", o.tracking.angular_acceleration_rad_s2, 0.1, 10000.0,
         "the same for rotation");
+  VisitIdeas(o, visit);
 }
 
 /// Throws std::invalid_argument naming the first key whose value is out of its range, and the range.

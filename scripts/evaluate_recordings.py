@@ -6,7 +6,8 @@
     scripts/evaluate_recordings.py --data DIR --only desk --depth-rate 30 5 1
     scripts/evaluate_recordings.py --data DIR --variant "plain: --config config/method_paper.yaml" \\
                                               --variant "no filter: --set surface.noise_neighbours=0"
-    scripts/evaluate_recordings.py --data DIR --variants scripts/ablation.txt --summary clean noisy dark
+    scripts/evaluate_recordings.py --data DIR --variants scripts/ablation.txt --summary clean noisy dark \\
+                                              --with "--set topics.imu="
 
 The table of recordings has one line each: name, configurations (comma-separated, relative to the repository) and bags
 (comma-separated, relative to --data). A variant is a name and arguments that are added to devo_offline's; without any,
@@ -46,13 +47,26 @@ def read_variants(path):
         return [line for line in (line.split('#')[0].strip() for line in file) if line]
 
 
-def find_program(given):
-    candidates = [given] if given else [shutil.which('devo_offline'),
-                                        os.path.join(REPOSITORY, 'build/devel/lib/devo/devo_offline')]
+def find_program(given, name='devo_offline'):
+    candidates = [given] if given else [shutil.which(name), os.path.join(REPOSITORY, 'build/devel/lib/devo', name)]
     for candidate in candidates:
         if candidate and os.access(candidate, os.X_OK):
             return candidate
-    sys.exit('devo_offline is not found; give --devo-offline PATH')
+    sys.exit(f'{given or name} is not found; give the path of {name}')
+
+
+def select(data, tables, words):
+    """Recordings of the tables whose names contain one of the words and whose bags are there."""
+    recordings = []
+    for recording in [recording for table in tables for recording in read_table(table)]:
+        if not any(word in recording[0] for word in words):
+            continue
+        missing = [bag for bag in recording[2] if not os.path.exists(os.path.join(data, bag))]
+        if missing:
+            print(f'skipped: {recording[0]} ({", ".join(missing)} is not in {data})', file=sys.stderr)
+        else:
+            recordings.append(recording)
+    return recordings
 
 
 def run(program, data, out, job):
@@ -133,6 +147,7 @@ def main():
     parser.add_argument('--depth-rate', nargs='+', default=['all'], help="depth images per second ('all': every one)")
     parser.add_argument('--variant', action='append', default=[], help='"name: arguments of devo_offline", repeatable')
     parser.add_argument('--variants', help='file with a variant per line')
+    parser.add_argument('--with', dest='always', default='', help='arguments of devo_offline added to all variants')
     parser.add_argument('--summary', nargs='+', metavar='WORD', help='one row per variant, columns by words in names')
     parser.add_argument('--devo-offline', help='program; else from PATH or build/')
     parser.add_argument('--out', help='folder that keeps the results; else a temporary one')
@@ -140,17 +155,10 @@ def main():
     arguments = parser.parse_args()
     program = find_program(arguments.devo_offline)
     texts = (read_variants(arguments.variants) if arguments.variants else []) + arguments.variant
-    variants = [(text.split(':', 1)[0].strip(), shlex.split(text.split(':', 1)[1] if ':' in text else ''))
-                for text in texts] or [('default', [])]
-    recordings = []
-    for recording in [recording for table in arguments.recordings for recording in read_table(table)]:
-        if not any(word in recording[0] for word in arguments.only):
-            continue
-        missing = [bag for bag in recording[2] if not os.path.exists(os.path.join(arguments.data, bag))]
-        if missing:
-            print(f'skipped: {recording[0]} ({", ".join(missing)} is not in {arguments.data})', file=sys.stderr)
-        else:
-            recordings.append(recording)
+    always = shlex.split(arguments.always)
+    variants = [(text.split(':', 1)[0].strip(), always + shlex.split(text.split(':', 1)[1] if ':' in text else ''))
+                for text in texts] or [('default', always)]
+    recordings = select(arguments.data, arguments.recordings, arguments.only)
     out = arguments.out or tempfile.mkdtemp(prefix='devo_evaluation_')
     jobs = [(recording, rate, variant) for recording in recordings for rate in arguments.depth_rate for variant in variants]
     if arguments.summary:

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// What an RGB-D camera would have given: OpenCV's ICPOdometry (depth alone) and RgbdICPOdometry (depth and frames) on
-// the bags that devo_offline reads, at the same depth rate, judged by the same evaluation. Frame to frame, one thread.
+// What an RGB-D camera would have given: OpenCV's ICPOdometry (depth alone), RgbdOdometry (photometric) and
+// RgbdICPOdometry (both) on the bags that devo_offline reads, at the same depth rate, judged by the same evaluation,
+// beside devo_offline's trajectory at the same times. Frame to frame, one thread.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -10,9 +11,11 @@
 #include <exception>
 #include <fstream>
 #include <iostream>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -21,6 +24,7 @@
 #include <rosbag/view.h>
 #include <sensor_msgs/Image.h>
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/rgbd.hpp>
@@ -42,6 +46,7 @@ struct Arguments {
   std::string image_topic = "/event_camera/image_raw";
   std::string out = ".";
   std::string ground_truth_file;
+  std::string compare_file;
   double depth_rate_hz = 30;
   double max_gap_s = 0.02;
 };
@@ -55,6 +60,7 @@ struct Recording {
   std::vector<StampedImage> frames, depths;
   Rig rig;
   Trajectory ground_truth;
+  Trajectory compared;  // of another program, judged at the peers' times
 };
 
 std::vector<StampedImage> ReadFrames(const Arguments& arguments) {
@@ -95,6 +101,7 @@ Recording ReadRecording(const Arguments& arguments, const RigConfig& config) {
   recording.frames = ReadFrames(arguments);
   if (!arguments.ground_truth_file.empty()) recording.ground_truth = ReadTum(arguments.ground_truth_file);
   SortByTime(&recording.ground_truth);
+  if (!arguments.compare_file.empty()) recording.compared = ReadTum(arguments.compare_file);
   return recording;
 }
 
@@ -181,7 +188,7 @@ struct Result {
   int refused = 0;  // steps that OpenCV could not estimate; the pose is then kept
 };
 
-/// What differs between the two methods: the camera they work in, and what they see.
+/// What differs between the methods: the camera they work in, and what they see.
 struct Input {
   Camera camera;  // without distortion
   Rigid3 T_event_camera;
@@ -225,7 +232,7 @@ Input InputOfDepth(const Recording& recording, double depth_rate_hz) {
   return input;
 }
 
-/// RGB-D odometry runs in the frame camera, with the depth registered to it.
+/// Odometries of frames run in the frame camera, with the depth registered to it.
 Input InputOfFrames(const Recording& recording, double depth_rate_hz, double max_gap_s) {
   Input input{recording.rig.event_camera.Undistorted(), Rigid3(), {}, {}};
   const cv::Mat2f depth_rays = RayTable(recording.rig.depth_camera);
@@ -246,29 +253,66 @@ double Median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-void Report(const std::string& name, const Arguments& arguments, const Recording& recording, const Result& result) {
-  WriteTum(arguments.out + "/" + name + ".txt", result.trajectory);
-  std::printf("%-5s %3zu images, %d steps refused, median %.1f ms CPU per image", name.c_str(),
-              result.trajectory.size(), result.refused, Median(result.cpu_ms));
-  if (!recording.ground_truth.empty()) {
-    const Evaluation evaluation = Evaluate(recording.ground_truth, result.trajectory);
-    std::printf(", ATE %.2f cm (%.2f %% of %.2f m)", 100 * evaluation.ate_rmse_m, evaluation.drift_percent,
-                evaluation.path_length_m);
-    std::ofstream(arguments.out + "/" + name + ".json") << ToJson(evaluation) << "\n";
+/// Poses of `estimate` at times that `other` has, too, and those of `other` at these times.
+std::pair<Trajectory, Trajectory> AtCommonTimes(const Trajectory& estimate, const Trajectory& other) {
+  std::pair<Trajectory, Trajectory> common;
+  for (const StampedPose& pose : estimate) {
+    const auto T_world_body = PoseAt(other, pose.t_ns, NsFromSeconds(0.05));
+    if (!T_world_body) continue;
+    common.first.push_back(pose);
+    common.second.push_back({pose.t_ns, *T_world_body});
   }
+  return common;
+}
+
+/// Null where there are too few poses to judge.
+nlohmann::json Judge(const Trajectory& truth, const Trajectory& estimate) {
+  if (truth.empty() || estimate.size() < 3) return nullptr;
+  return nlohmann::json::parse(ToJson(Evaluate(truth, estimate)));
+}
+
+/// Writes the trajectory, prints a line and returns the same figures.
+nlohmann::json Report(const std::string& name, const Arguments& arguments, const Recording& recording,
+                      const Result& result) {
+  WriteTum(arguments.out + "/" + name + ".txt", result.trajectory);
+  nlohmann::json report;
+  report["images"] = result.trajectory.size();
+  report["refused"] = result.refused;
+  report["cpu_ms_per_image"] = Median(result.cpu_ms);
+  report["cpu_s"] = 1e-3 * std::accumulate(result.cpu_ms.begin(), result.cpu_ms.end(), 0.0);
+  const bool compare = !recording.compared.empty();
+  const auto common = AtCommonTimes(result.trajectory, recording.compared);
+  report["evaluation"] = Judge(recording.ground_truth, compare ? common.first : result.trajectory);
+  report["compared"] = compare ? Judge(recording.ground_truth, common.second) : nullptr;
+  std::printf("%-11s %3zu images, %d steps refused, median %.1f ms CPU per image", name.c_str(),
+              result.trajectory.size(), result.refused, Median(result.cpu_ms));
+  const auto print = [](const char* what, const nlohmann::json& e) {
+    if (e.is_null()) return;
+    std::printf(", %s %.2f cm (%.2f %% of %.2f m)", what, 100 * e["ate_rmse_m"].get<double>(),
+                e["drift_percent"].get<double>(), e["path_length_m"].get<double>());
+  };
+  print("ATE", report["evaluation"]);
+  print("compared ATE", report["compared"]);
   std::printf("\n");
+  return report;
 }
 
 void Main(const Arguments& arguments) {
   cv::setNumThreads(1);
   const Recording recording = ReadRecording(arguments, LoadRigConfig(arguments.configs));
-  Report("icp", arguments, recording, Run<cv::rgbd::ICPOdometry>(InputOfDepth(recording, arguments.depth_rate_hz)));
+  nlohmann::json peers;
+  peers["icp"] =
+      Report("icp", arguments, recording, Run<cv::rgbd::ICPOdometry>(InputOfDepth(recording, arguments.depth_rate_hz)));
   if (recording.frames.empty()) {
-    std::printf("rgbd  not run: no frame on topic %s\n", arguments.image_topic.c_str());
-    return;
+    std::printf("rgbd_icp and photometric are not run: no frame on topic %s\n", arguments.image_topic.c_str());
+  } else {
+    const Input input = InputOfFrames(recording, arguments.depth_rate_hz, arguments.max_gap_s);
+    peers["rgbd_icp"] = Report("rgbd_icp", arguments, recording, Run<cv::rgbd::RgbdICPOdometry>(input));
+    peers["photometric"] = Report("photometric", arguments, recording, Run<cv::rgbd::RgbdOdometry>(input));
   }
-  Report("rgbd", arguments, recording,
-         Run<cv::rgbd::RgbdICPOdometry>(InputOfFrames(recording, arguments.depth_rate_hz, arguments.max_gap_s)));
+  std::ofstream file(arguments.out + "/peers.json");
+  file << peers.dump(2) << '\n';
+  if (!file.flush()) throw std::runtime_error("'" + arguments.out + "/peers.json': cannot be written");
 }
 
 }  // namespace
@@ -276,7 +320,9 @@ void Main(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   devo::Arguments arguments;
-  CLI::App app("OpenCV's RGB-D odometries on the bags of devo_offline; writes icp.txt and rgbd.txt (TUM)");
+  CLI::App app(
+      "OpenCV's RGB-D odometries on the bags of devo_offline; writes icp.txt, rgbd_icp.txt, photometric.txt (TUM) and "
+      "peers.json");
   app.add_option("--config", arguments.configs, "yaml of the rig; several: later ones override")->required();
   app.add_option("--bag", arguments.bags, "recordings, read together")->required();
   app.add_option("--out", arguments.out, "existing folder to write to")->check(CLI::ExistingDirectory);
@@ -284,6 +330,7 @@ int main(int argc, char** argv) {
   app.add_option("--depth-rate", arguments.depth_rate_hz, "use depth images at most this often, Hz");
   app.add_option("--max-gap", arguments.max_gap_s, "largest time between a depth image and its frame, s");
   app.add_option("--groundtruth", arguments.ground_truth_file, "TUM file in place of the bag's topic");
+  app.add_option("--compare", arguments.compare_file, "TUM file, e.g. devo_offline's, to be judged at the same times");
   CLI11_PARSE(app, argc, argv);
   try {
     devo::Main(arguments);

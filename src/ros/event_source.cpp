@@ -7,17 +7,7 @@
 #include <ros/master.h>
 #include <ros/message_traits.h>
 
-#include "devo/EventArray.h"
-#include "devo/EventPacket.h"
-#ifdef DEVO_WITH_DVS_MSGS
-#include <dvs_msgs/EventArray.h>
-#endif
-#ifdef DEVO_WITH_PROPHESEE_EVENT_MSGS
-#include <prophesee_event_msgs/EventArray.h>
-#endif
-#ifdef DEVO_WITH_EVENT_CAMERA_MSGS
-#include <event_camera_msgs/EventPacket.h>
-#endif
+#include "devo/ros/event_message_types.h"
 
 namespace devo {
 namespace {
@@ -70,20 +60,13 @@ EventMessageType TypeOf() {
   return {ros::message_traits::DataType<Message>::value(), &SubscribeTo<Message>};
 }
 
+template <typename... Messages>
+std::vector<EventMessageType> TypesOf(MessageTypes<Messages...>) {
+  return {TypeOf<Messages>()...};
+}
+
 const std::vector<EventMessageType>& KnownTypes() {
-  static const std::vector<EventMessageType> types = {
-      TypeOf<EventArray>(),
-      TypeOf<EventPacket>(),
-#ifdef DEVO_WITH_DVS_MSGS
-      TypeOf<dvs_msgs::EventArray>(),
-#endif
-#ifdef DEVO_WITH_PROPHESEE_EVENT_MSGS
-      TypeOf<prophesee_event_msgs::EventArray>(),
-#endif
-#ifdef DEVO_WITH_EVENT_CAMERA_MSGS
-      TypeOf<event_camera_msgs::EventPacket>(),
-#endif
-  };
+  static const std::vector<EventMessageType> types = TypesOf(EventMessageTypes());
   return types;
 }
 

@@ -10,59 +10,16 @@
 #include <Eigen/Eigenvalues>
 
 #include "devo/core/alignment_problem.h"
-#include "devo/core/crests.h"
 #include "numeric_jacobian.h"
+#include "segment_scene.h"
 
 namespace devo {
 namespace {
 
-Camera TestCamera() { return {240, 180, 200, 200, 119.5, 89.5, "", {}}; }
-
-/// Points along a segment in the view that made them: from one pixel to another, at a depth.
-void AddSegment(const Eigen::Vector2d& from_px, const Eigen::Vector2d& to_px, double z_m,
-                std::vector<MapPoint>* points) {
-  const Eigen::Vector2d along = (to_px - from_px).normalized();
-  for (double s = 0; s < (to_px - from_px).norm(); s += 0.7) {
-    MapPoint point;
-    point.p_ref = (z_m * *TestCamera().Unproject(from_px + s * along)).cast<float>();
-    point.normal_ref = Eigen::Vector3f(static_cast<float>(-along.y()), static_cast<float>(along.x()), 0);
-    points->push_back(point);
-  }
-}
-
-/// Thirty segments of all directions on a grid, so that none crosses another, 1 to 3 m away.
-std::vector<MapPoint> Scene() {
-  std::mt19937 random(10);
-  std::uniform_real_distribution<double> angle(0, M_PI), z(1, 3);
-  std::vector<MapPoint> points;
-  for (int k = 0; k < 30; ++k) {
-    const Eigen::Vector2d center(40 + k % 6 * 32, 33 + k / 6 * 28);
-    const double a = angle(random);
-    const Eigen::Vector2d half = 9 * Eigen::Vector2d(std::cos(a), std::sin(a));
-    AddSegment(center - half, center + half, z(random), &points);
-  }
-  return points;
-}
-
-/// What a camera at the pose sees of the points: their projections as crests, normals from projected neighbours.
+Camera TestCamera() { return SegmentCamera(); }
+std::vector<MapPoint> Scene() { return SegmentScene(10, 1); }
 Surface Seen(const std::vector<MapPoint>& points, const Rigid3& T_event_ref, double radius_px = 4) {
-  const Camera camera = TestCamera();
-  Surface surface;
-  surface.image = cv::Mat1b(camera.height(), camera.width(), std::uint8_t{0});
-  surface.window_s = 0.02;
-  for (const MapPoint& point : points) {
-    const Eigen::Vector3d p = point.p_ref.cast<double>();
-    const Eigen::Vector3d tangent(-point.normal_ref.y(), point.normal_ref.x(), 0);
-    const auto u = camera.Project(T_event_ref * p),
-               v = camera.Project(T_event_ref * Eigen::Vector3d(p + 1e-4 * tangent));
-    if (!u || !v || !camera.Contains(*u, 3)) continue;
-    const Eigen::Vector2d along = (*v - *u).normalized();
-    surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), static_cast<float>(along.y()),
-                             static_cast<float>(-along.x()), 5, 0});
-  }
-  surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
-  BuildNearestEdgeField(surface.edges, radius_px, &surface.nearest_edge);
-  return surface;
+  return SegmentsSeen(points, T_event_ref, radius_px);
 }
 
 PosePrior WeakPrior(const Rigid3& T_event_ref) { return {T_event_ref, 1e-3 * Matrix6d::Identity()}; }

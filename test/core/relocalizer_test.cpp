@@ -4,55 +4,29 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
 
-#include "devo/core/crests.h"
+#include "segment_scene.h"
 
 namespace devo {
 namespace {
 
-Camera TestCamera() { return {240, 180, 200, 200, 119.5, 89.5, "", {}}; }
+Camera TestCamera() { return SegmentCamera(); }
 
-/// Thirty segments of all directions on a grid, 1.5 to 3 m from a view at `T_world_ref`; another `place`, others.
+/// Segments 1.5 to 3 m from a view at `T_world_ref`; another `place`, others.
 LocalMapPtr Map(int place, const Rigid3& T_world_ref = {}) {
   auto map = std::make_shared<LocalMap>();
   map->id = place;
   map->T_world_ref = T_world_ref;
-  std::mt19937 random(place);
-  std::uniform_real_distribution<double> angle(0, M_PI), z(1.5, 3), jitter(-6, 6);
-  for (int k = 0; k < 30; ++k) {
-    const double dx = jitter(random), dy = jitter(random), a = angle(random), z_m = z(random);
-    const Eigen::Vector2d center(40 + k % 6 * 32 + dx, 33 + k / 6 * 28 + dy), along(std::cos(a), std::sin(a));
-    for (double s = -9; s < 9; s += 0.7) {
-      MapPoint point;
-      point.p_ref = (z_m * *TestCamera().Unproject(center + s * along)).cast<float>();
-      point.normal_ref = Eigen::Vector3f(static_cast<float>(-along.y()), static_cast<float>(along.x()), 0);
-      map->points.push_back(point);
-    }
-  }
+  map->points = SegmentScene(static_cast<unsigned>(place), 1.5, 6);
   return map;
 }
 
 /// What a camera at the pose sees of the map.
 Surface Seen(const LocalMap& map, const Rigid3& T_world_event) {
-  const Camera camera = TestCamera();
-  const Rigid3 T_event_ref = T_world_event.inverse() * map.T_world_ref;
-  Surface surface;
-  surface.image = cv::Mat1b(camera.height(), camera.width(), std::uint8_t{0});
-  for (const MapPoint& point : map.points) {
-    const Eigen::Vector3d p = point.p_ref.cast<double>(), tangent(-point.normal_ref.y(), point.normal_ref.x(), 0);
-    const auto u = camera.Project(T_event_ref * p),
-               v = camera.Project(T_event_ref * Eigen::Vector3d(p + 1e-4 * tangent));
-    if (!u || !v || !camera.Contains(*u, 3)) continue;
-    const Eigen::Vector2f along = (*v - *u).normalized().cast<float>();
-    surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), along.y(), -along.x(), 5, 0});
-  }
-  surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
-  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
-  return surface;
+  return SegmentsSeen(map.points, T_world_event.inverse() * map.T_world_ref);
 }
 
 Rigid3 Pose(double x, double y, double z, double pitch, double yaw, double roll) {

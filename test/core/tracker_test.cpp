@@ -4,64 +4,34 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
 
-#include "devo/core/crests.h"
 #include "devo/core/time.h"
+#include "segment_scene.h"
 
 namespace devo {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 10'000'000;
 
-Camera TestCamera() { return {240, 180, 200, 200, 119.5, 89.5, "", {}}; }
+Camera TestCamera() { return SegmentCamera(); }
 
-/// Thirty segments of all directions on a grid, so that none crosses another, 1.5 to 3 m away, as a local map at the
-/// identity.
+/// Segments 1.5 to 3 m away, as a local map at the identity.
 LocalMapPtr Map(std::uint64_t epoch = 0) {
   auto map = std::make_shared<LocalMap>();
   map->epoch = epoch;
-  std::mt19937 random(14);
-  std::uniform_real_distribution<double> angle(0, M_PI), z(1.5, 3);
-  for (int k = 0; k < 30; ++k) {
-    const Eigen::Vector2d center(40 + k % 6 * 32, 33 + k / 6 * 28);
-    const double a = angle(random), z_m = z(random);
-    const Eigen::Vector2d along(std::cos(a), std::sin(a));
-    for (double s = -9; s < 9; s += 0.7) {
-      MapPoint point;
-      point.p_ref = (z_m * *TestCamera().Unproject(center + s * along)).cast<float>();
-      point.normal_ref = Eigen::Vector3f(static_cast<float>(-along.y()), static_cast<float>(along.x()), 0);
-      map->points.push_back(point);
-    }
-  }
+  map->points = SegmentScene(14, 1.5);
   return map;
 }
 
 /// What a camera at the pose sees of the map.
 Surface Seen(std::int64_t t_ns, const Rigid3& T_world_event) {
   static const LocalMapPtr map = Map();
-  const Camera camera = TestCamera();
-  const Rigid3 T_event_ref = T_world_event.inverse();
-  Surface surface;
+  Surface surface = SegmentsSeen(map->points, T_world_event.inverse());
   surface.t_ns = surface.t_edges_ns = t_ns;
-  surface.image = cv::Mat1b(camera.height(), camera.width(), std::uint8_t{0});
-  surface.window_s = 0.02;
   surface.activity_hz = 5;
-  for (const MapPoint& point : map->points) {
-    const Eigen::Vector3d p = point.p_ref.cast<double>();
-    const Eigen::Vector3d tangent(-point.normal_ref.y(), point.normal_ref.x(), 0);
-    const auto u = camera.Project(T_event_ref * p),
-               v = camera.Project(T_event_ref * Eigen::Vector3d(p + 1e-4 * tangent));
-    if (!u || !v || !camera.Contains(*u, 3)) continue;
-    const Eigen::Vector2d along = (*v - *u).normalized();
-    surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), static_cast<float>(along.y()),
-                             static_cast<float>(-along.x()), 5, 0});
-  }
-  surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
-  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
   return surface;
 }
 

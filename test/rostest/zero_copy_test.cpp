@@ -10,20 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "devo/EventArray.h"
-#include "devo/EventPacket.h"
 #include "devo/ros/core_messages.h"
+#include "devo/ros/event_message_types.h"
 #include "devo/ros/event_source.h"
 #include "devo/ros/topics.h"
-#ifdef DEVO_WITH_DVS_MSGS
-#include <dvs_msgs/EventArray.h>
-#endif
-#ifdef DEVO_WITH_PROPHESEE_EVENT_MSGS
-#include <prophesee_event_msgs/EventArray.h>
-#endif
-#ifdef DEVO_WITH_EVENT_CAMERA_MSGS
-#include <event_camera_msgs/EventPacket.h>
-#endif
 
 namespace devo {
 namespace {
@@ -87,21 +77,10 @@ TEST(ZeroCopy, AnotherTypeOfTheSameLayoutGetsACopyOfTheContent) {
   EXPECT_EQ(received->image, std::vector<std::uint8_t>(6, 9));
 }
 
-/// The message types of the drivers for which this was built, and this package's own.
-using DriverTypes = testing::Types<EventArray, EventPacket
-#ifdef DEVO_WITH_DVS_MSGS
-                                   ,
-                                   dvs_msgs::EventArray
-#endif
-#ifdef DEVO_WITH_PROPHESEE_EVENT_MSGS
-                                   ,
-                                   prophesee_event_msgs::EventArray
-#endif
-#ifdef DEVO_WITH_EVENT_CAMERA_MSGS
-                                   ,
-                                   event_camera_msgs::EventPacket
-#endif
-                                   >;
+template <typename... Messages>
+testing::Types<Messages...> ForTests(MessageTypes<Messages...>);
+using DriverTypes = decltype(ForTests(EventMessageTypes()));
+
 template <typename Message>
 struct DriverMessages : testing::Test {};
 TYPED_TEST_SUITE(DriverMessages, DriverTypes);

@@ -7,6 +7,7 @@
 #include <ceres/tiny_solver.h>
 
 #include "devo/core/alignment_problem.h"
+#include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
 
 namespace devo {
@@ -16,10 +17,14 @@ constexpr int kMinMatched = 30;  // fewer points hold no pose, however large the
 
 /// Points that should show in the surface, with what their edges look like from the start pose.
 void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
-                   const Rigid3& T_event_ref, const Vector6d& velocity_event, const TrackingIdeas& ideas,
+                   const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options,
                    std::vector<AlignmentPoint>* prepared) {
-  const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
-  const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
+  const TrackingIdeas& ideas = options.tracking.ideas;
+  const Eigen::Matrix3f R = prior.T_event_ref.rotation().toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = prior.T_event_ref.translation().cast<float>();
+  const auto window_s = static_cast<float>(surface.window_s), lag_px = static_cast<float>(options.surface.edge_lag_px);
+  const Eigen::Matrix<float, 6, 1> velocity = velocity_event.cast<float>();
+  const Eigen::Matrix<float, 6, 6> L_t = prior.sqrt_velocity_covariance.transpose().cast<float>();
   prepared->clear();
   prepared->reserve(points.size());
   for (const MapPoint& point : points) {
@@ -31,11 +36,12 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
     AlignmentPoint out{point.p_ref, 0, 0, 0, 1};
     if (!point.normal_ref.isZero()) {
       const Eigen::Vector2f normal = ProjectNormal(point.normal_ref, R, p);
-      const float across_px =
-          normal.dot(ImageVelocity(velocity_event, p, camera)) * static_cast<float>(surface.window_s);
+      const Eigen::Matrix<float, 6, 1> along = window_s * ImageVelocityAlong(normal, p, camera);
+      const float across_px = along.dot(velocity);
       if (ideas.match_direction) {
         out.normal_x = normal.x();
         out.normal_y = normal.y();
+        out.lag_strength = LagStrength(across_px, (L_t * along).norm(), lag_px);
       }
       if (ideas.visibility_weight) out.expected = VisibilityOfMotion(across_px);
       if (ideas.match_polarity && std::abs(across_px) > kClearMotion_px) {
@@ -77,7 +83,7 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
                       const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options) {
   // Kept from call to call, so that nothing is allocated per pose.
   thread_local std::vector<AlignmentPoint> prepared;
-  PreparePoints(points, surface, camera, prior.T_event_ref, velocity_event, options.tracking.ideas, &prepared);
+  PreparePoints(points, surface, camera, prior, velocity_event, options, &prepared);
   const AlignmentProblem problem(prepared, surface, camera, prior, prior.T_event_ref, options);
 
   ceres::TinySolver<CompressedProblem> solver;

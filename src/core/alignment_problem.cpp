@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
 
 namespace devo {
@@ -53,10 +54,12 @@ AlignmentProblem::Sample AlignmentProblem::SampleNearestEdge(const AlignmentPoin
   if (id < 0) return {};
   const EdgePoint& edge = surface_.edges[id];
   const bool known = point.normal_x != 0 || point.normal_y != 0;
-  if (known && std::abs(point.normal_x * edge.nx + point.normal_y * edge.ny) < kMinNormalCosine) return {};
+  const float cosine = point.normal_x * edge.nx + point.normal_y * edge.ny;
+  if (known && std::abs(cosine) < kMinNormalCosine) return {};
   // A match whose polarity speaks clearly against the expected one is another edge.
   if (point.polarity * edge.polarity < -kClearPolarity) return {};
-  const float distance = edge.nx * (u - edge.x) + edge.ny * (v - edge.y);
+  const float lag = EdgeLag_px(point.lag_strength, edge.strength);
+  const float distance = edge.nx * (u - edge.x) + edge.ny * (v - edge.y) - (cosine < 0 ? -lag : lag);
   return {std::abs(distance) < truncation_, distance, edge.nx, edge.ny};
 }
 

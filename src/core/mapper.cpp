@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
 #include "devo/core/time.h"
 
@@ -207,13 +208,17 @@ bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, c
 }
 
 MapPoint Mapper::MakePoint(const EdgePoint& edge, float z_m, double window_s) const {
-  MapPoint point;
-  point.p_ref =
-      z_m * Eigen::Vector3f((edge.x - static_cast<float>(camera_.cx())) / static_cast<float>(camera_.fx()),
-                            (edge.y - static_cast<float>(camera_.cy())) / static_cast<float>(camera_.fy()), 1);
-  point.normal_ref = Eigen::Vector3f(edge.nx, edge.ny, 0);
-  const float across_px = Eigen::Vector2f(edge.nx, edge.ny).dot(ImageVelocity(velocity_, point.p_ref, camera_)) *
+  const auto at = [&](float x_px, float y_px) -> Eigen::Vector3f {
+    return z_m * Eigen::Vector3f((x_px - static_cast<float>(camera_.cx())) / static_cast<float>(camera_.fx()),
+                                 (y_px - static_cast<float>(camera_.cy())) / static_cast<float>(camera_.fy()), 1);
+  };
+  const float across_px = Eigen::Vector2f(edge.nx, edge.ny).dot(ImageVelocity(velocity_, at(edge.x, edge.y), camera_)) *
                           static_cast<float>(window_s);
+  const float lag_px =
+      EdgeLag_px(LagStrength(across_px, 0, static_cast<float>(options_.surface.edge_lag_px)), edge.strength);
+  MapPoint point;
+  point.p_ref = at(edge.x + lag_px * edge.nx, edge.y + lag_px * edge.ny);
+  point.normal_ref = Eigen::Vector3f(edge.nx, edge.ny, 0);
   // Where brightness grows along the normal, a pixel that the edge passes along the normal turns darker.
   if (std::abs(across_px) > kClearMotion_px && std::abs(edge.polarity) > kClearPolarity) {
     point.sign = std::copysign(1.0F, -edge.polarity * across_px);

@@ -110,7 +110,7 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
-  return {ahead.T_world_event_, ahead.velocity_, ahead.pose_covariance()};
+  return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), ahead.pose_covariance()};
 }
 
 void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information) {

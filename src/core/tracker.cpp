@@ -154,6 +154,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // The alignment counts in pixels per point: bring the prior to that scale.
   const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * (inertial_prior_ ? kInertialCaution : 1));
   const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
+  prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
   if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);

@@ -17,6 +17,7 @@ struct AlignmentPoint {
   float normal_x, normal_y;  ///< expected normal of its edge in the image; 0, 0 unknown
   float polarity;            ///< expected polarity of its events: -1, 1, or 0 unknown
   float expected;            ///< share of its events that its motion lets expect, 0.1 to 1
+  float lag_strength = 0;    ///< of its edge along the expected normal (LagStrength)
 };
 
 /// Parameters: dtheta = [rho; phi], a right perturbation of `T_event_ref` (forward compositional: it acts on the points

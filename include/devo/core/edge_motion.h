@@ -29,6 +29,19 @@ inline Eigen::Vector2f ImageVelocity(const Vector6d& velocity_event, const Eigen
           static_cast<float>(camera.fy()) * (p_dot.y() - p_event.y() * inverse_z * p_dot.z()) * inverse_z};
 }
 
+/// What ImageVelocity gives along `normal`, as a linear form of the velocity [v; omega], px per m and per rad.
+inline Eigen::Matrix<float, 6, 1> ImageVelocityAlong(const Eigen::Vector2f& normal, const Eigen::Vector3f& p_event,
+                                                     const Camera& camera) {
+  const float inverse_z = 1 / p_event.z();
+  const float a = static_cast<float>(camera.fx()) * inverse_z * normal.x();
+  const float b = static_cast<float>(camera.fy()) * inverse_z * normal.y();
+  const Eigen::Vector3f g(a, b, -(a * p_event.x() + b * p_event.y()) * inverse_z);
+  Eigen::Matrix<float, 6, 1> along;
+  along.head<3>() = -g;
+  along.tail<3>() = g.cross(p_event);
+  return along;
+}
+
 /// Normal of an edge in the image of a camera, from its normal in the view that made it (z = 0 there): the edge's
 /// tangent is taken as parallel to that view's image plane. `p_event`: the point in the camera, R = R_event_ref.
 inline Eigen::Vector2f ProjectNormal(const Eigen::Vector3f& normal_ref, const Eigen::Matrix3f& R_event_ref,

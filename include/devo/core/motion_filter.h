@@ -33,7 +33,8 @@ class MotionFilter {
   struct Prediction {
     Rigid3 T_world_event;
     Vector6d velocity_event;  ///< [v; omega], m/s and rad/s
-    Matrix6d covariance;      ///< of a right perturbation [rho; phi] of T_world_event, m and rad
+    Matrix6d velocity_covariance;
+    Matrix6d covariance;  ///< of a right perturbation [rho; phi] of T_world_event, m and rad
   };
   /// At a time at or after the last update.
   Prediction Predict(std::int64_t t_ns) const;

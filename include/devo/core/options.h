@@ -43,6 +43,7 @@ struct SurfaceOptions {
   double blur_px = 1.0;
   double crest_quantile = 0.45;
   double truncation_px = 4;
+  double edge_lag_px = 0.06;
   double noise_window_s = 0.01;
   int noise_neighbours = 1;
   double hot_pixel_factor = 20;
@@ -134,6 +135,8 @@ void VisitOptions(Options& o, Visitor&& visit) {
   visit("surface.crest_quantile", o.surface.crest_quantile, 0.0, 1.0,
         "crests are above this quantile of the occupied pixels");
   visit("surface.truncation_px", o.surface.truncation_px, 1.0, 30.0, "distance beyond which an edge attracts no point");
+  visit("surface.edge_lag_px", o.surface.edge_lag_px, 0.0, 1.0,
+        "how far an edge of one event per pixel trails behind the scene's, others by their share; 0: not corrected");
   visit("surface.noise_window_s", o.surface.noise_window_s, 0.0, 1.0,
         "an event without a neighbour in this time is noise");
   visit("surface.noise_neighbours", o.surface.noise_neighbours, 0, 8,

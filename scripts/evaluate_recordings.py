@@ -135,7 +135,8 @@ def summary(results, words):
             mean = math.exp(sum(map(math.log, group)) / len(group)) if group else None
             cells.append(f'{mean:.2f} / {max(group):.2f}' if group else '-')
         cells.append(number(times(by_name, firsts.setdefault(rate, by_name)), 2))
-        yield f'| {rate} | {variant} | ' + ' | '.join(cells) + f' | {lost[rate, variant]} |'
+        head = variant if rate == 'all' else f'{variant}, depth at {rate} Hz'
+        yield f'| {head} | ' + ' | '.join(cells) + f' | {lost[rate, variant]} |'
 
 
 def main():
@@ -162,7 +163,7 @@ def main():
     out = arguments.out or tempfile.mkdtemp(prefix='devo_evaluation_')
     jobs = [(recording, rate, variant) for recording in recordings for rate in arguments.depth_rate for variant in variants]
     if arguments.summary:
-        columns = ['depth Hz', 'variant'] + [f'{word}: ATE mm, mean / worst' for word in arguments.summary]
+        columns = ['variant'] + [f'{word}: ATE mm, mean / worst' for word in arguments.summary]
         columns += [f'x {variants[0][0]}', 'lost']
     else:
         columns = ['recording', 'depth Hz', 'variant', 'ATE cm', '% of path', 'RPE deg', 'RPE cm', 'final deg', 'final cm',

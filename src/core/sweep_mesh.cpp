@@ -44,6 +44,7 @@ std::vector<Ring> SortIntoRings(const std::vector<LidarPoint>& points) {
   }
   std::stable_sort(rings.begin(), rings.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<Ring> sorted;
+  sorted.reserve(rings.size());
   for (auto& ring : rings) sorted.push_back(std::move(ring.second));
   return sorted;
 }

@@ -115,7 +115,7 @@ Rigid3 YamlTransform(const YAML::Node& node, const YamlPlace& place) {
     const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
     if (!(std::abs(rotation.norm() - 1) < 1e-2))
       place.Under("quaternion").Fail("expected a unit quaternion [x, y, z, w]");
-    const Rigid3 T(rotation, {t[0], t[1], t[2]});
+    Rigid3 T(rotation, {t[0], t[1], t[2]});
     if (!T.IsFinite()) place.Fail("expected finite numbers");
     return T;
   }

@@ -515,7 +515,7 @@ class Validator {
   }
 
   void DescribePose(const std::string& sensor, const Rigid3& T_event_sensor, const std::string& source) {
-    const Eigen::Vector3d p = T_event_sensor.translation();
+    const Eigen::Vector3d& p = T_event_sensor.translation();
     Say(sensor + Format(" at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by %.1f deg (%s%s)\n", p.x(),
                         p.y(), p.z(), RotationAngle(T_event_sensor) * 57.29578, source.c_str(),
                         config_->T_event_depth ? "configuration" : "/tf_static"));

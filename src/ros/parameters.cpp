@@ -75,7 +75,7 @@ int ReadInt(const ros::NodeHandle& private_nh, const std::string& key, int fallb
 }
 
 std::string ReadPath(const ros::NodeHandle& private_nh, const std::string& key, const std::string& fallback) {
-  const std::string path = ReadString(private_nh, key, fallback);
+  std::string path = ReadString(private_nh, key, fallback);
   if (path.empty()) throw std::invalid_argument(Shown(private_nh, key) + " is empty; expected the path of a file");
   if (path.front() == '/') return path;
   const char* ros_home = std::getenv("ROS_HOME");
@@ -122,7 +122,7 @@ RigConfig ReadRigConfig(const ros::NodeHandle& private_nh) {
 }
 
 std::string InputTopic(const ros::NodeHandle& nh, const std::string& name, const std::string& configured) {
-  const std::string remapped = nh.resolveName(name);
+  std::string remapped = nh.resolveName(name);
   if (remapped != nh.resolveName(name, false)) return remapped;
   return configured.empty() ? "" : nh.resolveName(configured);
 }

@@ -91,7 +91,7 @@ void Scene::AddRectangle(const Rigid3& T, double size_u, double size_v, const Ma
 void Scene::AddBox(const Rigid3& T, const Eigen::Vector3d& size, const Material& material) {
   for (int i = 0; i < 3; ++i) ExpectPositive(size[i], "box's size");
   const Eigen::Matrix3d R = T.rotation().toRotationMatrix();
-  const Eigen::Vector3d x = R.col(0), y = R.col(1), z = R.col(2), c = T.translation();
+  const Eigen::Vector3d x = R.col(0), y = R.col(1), z = R.col(2), &c = T.translation();
   const Eigen::Vector3d hx = 0.5 * size.x() * x, hy = 0.5 * size.y() * y, top = size.z() * z;
   Add(Rectangle(c - hx - hy + top, x, y, size.x(), size.y(), material, true));  // top
   Add(Rectangle(c - hx + hy, x, -y, size.x(), size.y(), material, true));       // bottom

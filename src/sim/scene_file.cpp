@@ -15,7 +15,7 @@ constexpr double kDeg = 3.14159265358979323846 / 180;
 /// A yaml node that knows its place in the file, for messages.
 class Entry {
  public:
-  Entry(YAML::Node node, std::string where) : node_(std::move(node)), where_(std::move(where)) {}
+  Entry(const YAML::Node& node, std::string where) : node_(node), where_(std::move(where)) {}
 
   [[noreturn]] void Fail(const std::string& what) const { throw std::invalid_argument(where_ + ": " + what); }
 

@@ -60,6 +60,7 @@ Waypoint NextWaypoint(Rng& rng, const MotionVolume& v, const Waypoint& last) {
 
 std::vector<Rigid3> ControlPoses(const std::vector<Waypoint>& waypoints, double turn_rad) {
   std::vector<Rigid3> poses;
+  poses.reserve(waypoints.size());
   for (const auto& w : waypoints) poses.push_back(LookAt(w.position, w.target, turn_rad * w.angles));
   return poses;
 }

@@ -22,12 +22,21 @@ constexpr std::size_t kTurnsTried = 3, kPointsPerTurn = 300;
 // surfaces that follow.
 constexpr std::size_t kPointsPerTry = 500;
 constexpr float kMinDepth_m = 0.05F;
+// From far enough the whole map is a speck, which matches any edge: no pose is farther from its start than this share
+// of the map's mean distance.
+constexpr double kMaxShiftShare = 1;
 
 Surface WithField(const Surface& surface, double radius_px) {
   Surface wide = surface;  // images are shared, edges copied
   wide.nearest_edge = cv::Mat1i(surface.height(), surface.width());
   BuildNearestEdgeField(surface.edges, radius_px, &wide.nearest_edge);
   return wide;
+}
+
+double MeanDistance(const std::vector<MapPoint>& points) {
+  double sum = 0;
+  for (const MapPoint& point : points) sum += point.p_ref.norm();
+  return sum / static_cast<double>(std::max<std::size_t>(points.size(), 1));
 }
 
 std::vector<MapPoint> Thinned(const std::vector<MapPoint>& points) {
@@ -107,7 +116,10 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
   start.T_event_ref = Align(points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
   const AlignmentResult result = Align(points, surface, camera_, start, Vector6d::Zero(), options_);
   if (best->map && result.inlier_share <= best->alignment.inlier_share) return;
-  *best = {map->T_world_ref * result.T_event_ref.inverse(), map, result};
+  const Rigid3 T_world_found = map->T_world_ref * result.T_event_ref.inverse();
+  const double shift_m = (T_world_event.inverse() * T_world_found).translation().norm();
+  if (!(shift_m < kMaxShiftShare * MeanDistance(points))) return;
+  *best = {T_world_found, map, result};
 }
 
 void Relocalizer::AlignAllPoints(const Surface& surface, Found* found) const {

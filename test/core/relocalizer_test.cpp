@@ -140,5 +140,19 @@ TEST(Relocalizer, ForgetsItsPlacesWhenCleared) {
   EXPECT_FALSE(relocalizer.Search(surface, Map(22), {}, true, kMinShare));
 }
 
+TEST(Relocalizer, DoesNotTakeTheMapSeenFromAfarForTheFewEdgesThatASurfaceHas) {
+  // What is left of the events at the begin of a standstill: some short edges.
+  Relocalizer relocalizer(TestCamera(), {});
+  for (int seed = 1; seed <= 40; ++seed) {
+    const auto map = Map(seed);
+    LocalMap left = *map;
+    left.points.resize(60);
+    const auto found = relocalizer.Search(Seen(left, Rigid3()), map, {Pose(0.1, 0, 0, 0, 0, 0)}, false, 0);
+    if (found) {
+      EXPECT_LT(found->T_world_event.translation().norm(), 3) << seed;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace devo

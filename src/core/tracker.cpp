@@ -15,8 +15,8 @@ namespace {
 // Edge positions of neighbouring points err together; this many points count as one measurement.
 constexpr double kPointsPerMeasurement = 15;
 // An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
-// this many times less beside it. What poses share with the map is not in the filter's covariance either.
-constexpr double kInertialCaution = 4, kInertialShared = 1.6;
+// this many times less beside it.
+constexpr double kInertialCaution = 4;
 constexpr double kEdgeSigma_px = 0.5;
 constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 // Surfaces are compensated with the mean velocity of this span, about that of their events: the filter's velocity is
@@ -116,7 +116,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   const auto now = ahead.Predict(surface.t_ns);
   pose.T_world_event = now.T_world_event;
   pose.velocity_event = MeanVelocity();
-  pose.covariance_event = now.covariance * (inertial_prior_ ? kInertialShared : 1);
+  pose.covariance_event = now.covariance;
   return pose;
 }
 

@@ -2,7 +2,6 @@
 #include "devo/core/noise_filter.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "devo/core/time.h"
@@ -25,6 +24,7 @@ constexpr double kTolerableNoise_hz = 0.05;
 // A pixel is one word: in the lower half the tick at which it last fired, wrapping; in the upper half how many events
 // it had in this period, and whether it is hot. An event reads nine of them, so that their size decides the cost.
 constexpr std::uint32_t kTickMask = 0xFFFF, kOneEvent = 0x10000, kCountMask = 0x7FFF0000, kHotBit = 0x80000000;
+constexpr int kMostEvents = kCountMask / kOneEvent;
 constexpr std::int64_t kLongAgo_ticks = 1 << 14;  // longer than any window: from then on age is not told apart
 constexpr std::int64_t kForgettingPeriod_ticks = 1 << 15;
 static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= 1 << 16, "what is long ago must not come round");
@@ -45,6 +45,26 @@ inline int RecentNeighbours(const std::uint32_t* pixel, int stride, std::uint32_
   const cv::v_int32x4 three(-1, -1, -1, 0), sides(-1, 0, -1, 0);
   const cv::v_int32x4 up_and_down = (old(pixel - stride - 1) + old(pixel + stride - 1)) & three;
   return 8 + cv::v_reduce_sum(up_and_down + (old(pixel - 1) & sides));
+}
+
+/// -1 for each of the four pixels from `pixel` on that had more than `count` events.
+inline cv::v_int32x4 Above(const std::uint32_t* pixel, std::uint32_t count) {
+  const cv::v_uint32x4 counts = cv::v_load(pixel) & cv::v_setall_u32(kCountMask);
+  return cv::v_reinterpret_as_s32(counts) > cv::v_setall_s32(static_cast<int>(count * kOneEvent));
+}
+
+/// Of the eight neighbours of a pixel, how many had more than `count` events.
+inline int NeighboursAbove(const std::uint32_t* pixel, int stride, std::uint32_t count) {
+  const cv::v_int32x4 three(-1, -1, -1, 0), sides(-1, 0, -1, 0);
+  const cv::v_int32x4 up_and_down = (Above(pixel - stride - 1, count) + Above(pixel + stride - 1, count)) & three;
+  return -cv::v_reduce_sum(up_and_down + (Above(pixel - 1, count) & sides));
+}
+
+/// Whether one of the kBlock pixels from `pixel` on had at least `count` events.
+inline bool AnyReaches(const std::uint32_t* pixel, std::uint32_t count) {
+  static_assert(kBlock == 16);
+  return cv::v_check_any((Above(pixel, count - 1) | Above(pixel + 4, count - 1)) |
+                         (Above(pixel + 8, count - 1) | Above(pixel + 12, count - 1)));
 }
 
 }  // namespace
@@ -183,24 +203,22 @@ void NoiseFilter::UpdateNoise() {
 }
 
 bool NoiseFilter::IsHot(std::size_t i) const {
-  const std::size_t up = i - stride_, down = i + stride_;
-  // The median of the neighbours, not their mean: two hot pixels side by side must not excuse each other.
-  const auto count = [this](std::size_t k) { return CountOf(pixels_[k]); };
-  std::array<std::uint32_t, 8> around = {count(up - 1), count(up),       count(up + 1), count(i - 1),
-                                         count(i + 1),  count(down - 1), count(down),   count(down + 1)};
-  std::nth_element(around.begin(), around.begin() + 4, around.end());
-  return hot_factor_ > 0 && count(i) > hot_factor_ * (around[4] + 0.25);
+  // More than the factor times the median of its neighbours and a quarter, that is: of eight, five are quiet enough.
+  // The median, not the mean: two hot pixels side by side must not excuse each other.
+  const std::uint32_t count = CountOf(pixels_[i]);
+  const auto stands_out = [&](int quiet) { return count > hot_factor_ * (quiet + 0.25); };
+  int quiet = static_cast<int>(std::min<double>(count / hot_factor_, kMostEvents));
+  while (quiet >= 0 && !stands_out(quiet)) --quiet;
+  return quiet >= 0 && NeighboursAbove(pixels_.data() + i, stride_, static_cast<std::uint32_t>(quiet)) <= 3;
 }
 
 void NoiseFilter::UpdateHotPixels() {
   hot_.clear();
   const std::size_t first = stride_, last = static_cast<std::size_t>(stride_) * (height_ + 1);
-  for (std::size_t begin = first; begin < last; begin += kBlock) {
+  for (std::size_t begin = first; begin < last && hot_factor_ > 0; begin += kBlock) {
     // The common case first: quiet pixels need no look at their neighbours.
     const std::size_t end = std::min(begin + kBlock, last);
-    std::uint32_t most = 0;
-    for (std::size_t i = begin; i < end; ++i) most = std::max(most, pixels_[i] & kCountMask);
-    if (most < kHotMinCount * kOneEvent) continue;
+    if (end - begin == kBlock && !AnyReaches(pixels_.data() + begin, kHotMinCount)) continue;
     for (std::size_t i = begin; i < end; ++i) {
       if (CountOf(pixels_[i]) >= kHotMinCount && IsHot(i)) hot_.push_back(static_cast<std::uint32_t>(i));
     }

@@ -14,12 +14,14 @@
 #include "devo/core/time.h"
 #include "event_warp.h"
 #include "plain_surface.h"
+#include "simd.h"
 
 namespace devo {
 namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
+constexpr std::size_t kAhead = 16;          // events: about the time that the third cache takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
 class RayLookup {
@@ -40,6 +42,11 @@ class RayLookup {
     if (!x_.empty()) return {x_[x], y_[y]};
     const cv::Vec2f& ray = table_(y, x);
     return {ray[0], ray[1]};
+  }
+
+  /// Has the ray fetched that will be asked for soon.
+  void Expect(int x, int y) const {
+    if (x_.empty()) Prefetch(table_[y] + x);
   }
 
  private:
@@ -212,7 +219,8 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
     const std::size_t count = filter.Pass(piece, passed.data());
     counters.noise += piece.size - count;
     for (std::size_t k = 0; k < count; ++k) {
-      const Event& event = piece.data[passed[k]];
+      const Event &event = piece.data[passed[k]], &later = piece.data[passed[std::min(k + kAhead, count - 1)]];
+      rays.Expect(later.x, later.y);
       const RayLookup::Ray ray = rays(event.x, event.y);
       if (std::isfinite(ray.x)) kept.Push({2 * event.t_ns + event.polarity, ray.x, ray.y});
     }

@@ -7,6 +7,10 @@
 #include "devo/core/time.h"
 #include "simd.h"
 
+#ifdef DEVO_AVX2
+#include <immintrin.h>
+#endif
+
 namespace devo {
 namespace {
 
@@ -33,19 +37,49 @@ constexpr std::ptrdiff_t kAhead = 16;  // events: about the time that the third 
 
 inline std::uint32_t CountOf(std::uint32_t pixel) { return (pixel & kCountMask) / kOneEvent; }
 
-/// Of the eight neighbours of a pixel, in an image whose rows are `stride` long, how many fired at most `window_ticks`
-/// before `tick`. Without a branch: which of them are recent is nothing that a processor could guess.
-inline int RecentNeighbours(const std::uint32_t* pixel, int stride, std::uint32_t tick, std::uint32_t window_ticks) {
-  const cv::v_uint32x4 now = cv::v_setall_u32(tick), mask = cv::v_setall_u32(kTickMask);
-  const cv::v_int32x4 window = cv::v_setall_s32(static_cast<int>(window_ticks));
-  // -1 where it fired before that.
-  const auto old = [&](const std::uint32_t* p) {
-    return cv::v_reinterpret_as_s32((now - cv::v_load(p)) & mask) > window;
-  };
-  const cv::v_int32x4 three(-1, -1, -1, 0), sides(-1, 0, -1, 0);
-  const cv::v_int32x4 up_and_down = (old(pixel - stride - 1) + old(pixel + stride - 1)) & three;
-  return 8 + cv::v_reduce_sum(up_and_down + (old(pixel - 1) & sides));
-}
+/// Tells how many of the eight neighbours of a pixel, in an image whose rows are `stride` long, fired longer than
+/// `window_ticks` before `tick`. Without a branch: which of them did is nothing that a processor could guess.
+struct OldNeighbours {
+  explicit OldNeighbours(std::uint32_t window_ticks) : window(cv::v_setall_s32(static_cast<int>(window_ticks))) {}
+
+  DEVO_ALWAYS_INLINE int Count(const std::uint32_t* pixel, int stride, std::uint32_t tick) const {
+    const cv::v_uint32x4 now = cv::v_setall_u32(tick), mask = cv::v_setall_u32(kTickMask);
+    // -1 where it fired before that.
+    const auto old = [&](const std::uint32_t* p) {
+      return cv::v_reinterpret_as_s32((now - cv::v_load(p)) & mask) > window;
+    };
+    const cv::v_int32x4 three(-1, -1, -1, 0), sides(-1, 0, -1, 0);
+    const cv::v_int32x4 up_and_down = (old(pixel - stride - 1) + old(pixel + stride - 1)) & three;
+    return -cv::v_reduce_sum(up_and_down + (old(pixel - 1) & sides));
+  }
+
+  cv::v_int32x4 window;
+};
+
+#ifdef DEVO_AVX2
+/// The same, both outer rows at once.
+struct OldNeighboursAvx2 {
+  DEVO_AVX2 explicit OldNeighboursAvx2(std::uint32_t window_ticks)
+      : window(_mm256_set1_epi32(static_cast<int>(window_ticks))) {}
+
+  DEVO_AVX2 inline int Count(const std::uint32_t* pixel, int stride, std::uint32_t tick) const {
+    const auto load = [](const std::uint32_t* p)
+                          DEVO_AVX2 { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)); };
+    const __m256i now = _mm256_set1_epi32(static_cast<int>(tick)), mask = _mm256_set1_epi32(kTickMask);
+    const __m256i outer =
+        _mm256_inserti128_si256(_mm256_castsi128_si256(load(pixel - stride - 1)), load(pixel + stride - 1), 1);
+    const __m256i old = _mm256_cmpgt_epi32(_mm256_and_si256(_mm256_sub_epi32(now, outer), mask), window);
+    const __m128i old_sides = _mm_cmpgt_epi32(
+        _mm_and_si128(_mm_sub_epi32(_mm256_castsi256_si128(now), load(pixel - 1)), _mm256_castsi256_si128(mask)),
+        _mm256_castsi256_si128(window));
+    const int outer_bits = _mm256_movemask_ps(_mm256_castsi256_ps(old)) & 0x77;
+    const int side_bits = _mm_movemask_ps(_mm_castsi128_ps(old_sides)) & 0x5;
+    return __builtin_popcount(static_cast<unsigned>(outer_bits | side_bits << 8));
+  }
+
+  __m256i window;
+};
+#endif
 
 /// -1 for each of the four pixels from `pixel` on that had more than `count` events.
 inline cv::v_int32x4 Above(const std::uint32_t* pixel, std::uint32_t count) {
@@ -65,6 +99,66 @@ inline bool AnyReaches(const std::uint32_t* pixel, std::uint32_t count) {
   static_assert(kBlock == 16);
   return cv::v_check_any((Above(pixel, count - 1) | Above(pixel + 4, count - 1)) |
                          (Above(pixel + 8, count - 1) | Above(pixel + 12, count - 1)));
+}
+
+/// What events are judged by.
+struct Judged {
+  std::uint32_t* pixels;
+  int stride, needed;
+  std::int64_t t0_ns;
+  int tick_shift;
+
+  std::uint32_t* PixelOf(const Event& e) const { return pixels + static_cast<std::size_t>(e.y + 1) * stride + e.x + 1; }
+};
+
+inline std::uint32_t Counted(std::uint32_t pixel) {
+  return pixel + ((pixel & kCountMask) < kCountMask ? kOneEvent : 0);
+}
+
+/// Writes the positions, counted from `position`, of the events that pass.
+template <typename Neighbours>
+DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, Neighbours neighbours, EventSpan events, std::uint32_t position,
+                                     std::uint32_t* passed) {
+  std::size_t count = 0;
+  const int most_old = 8 - by.needed;
+  for (const Event& event : events) {
+    // Events jump about in the image: what a later one will need is fetched while this one is judged.
+    const std::uint32_t* const later =
+        by.PixelOf(*(&event + std::min<std::ptrdiff_t>(kAhead, events.end() - 1 - &event)));
+    Prefetch(later - by.stride);
+    Prefetch(later);
+    Prefetch(later + by.stride);
+    std::uint32_t* const pixel = by.PixelOf(event);
+    const std::uint32_t before = *pixel;
+    passed[count] = position++;
+    if (before & kHotBit) {
+      *pixel = Counted(before);
+      continue;
+    }
+    const auto tick = static_cast<std::uint32_t>((event.t_ns - by.t0_ns) / kNsPerMicrosecond >> by.tick_shift);
+    count += neighbours.Count(pixel, by.stride, tick) <= most_old;
+    *pixel = (Counted(before) & ~kTickMask) | (tick & kTickMask);
+  }
+  return count;
+}
+
+#ifdef DEVO_AVX2
+DEVO_AVX2 std::size_t JudgeAvx2(Judged by, std::uint32_t window_ticks, EventSpan events, std::uint32_t position,
+                                std::uint32_t* passed) {
+  return Judge(by, OldNeighboursAvx2(window_ticks), events, position, passed);
+}
+#endif
+
+/// The same where only hot pixels are noise.
+std::size_t CountOnly(Judged by, EventSpan events, std::uint32_t position, std::uint32_t* passed) {
+  std::size_t count = 0;
+  for (const Event& event : events) {
+    std::uint32_t* const pixel = by.PixelOf(event);
+    passed[count] = position++;
+    count += *pixel & kHotBit ? 0 : 1;
+    *pixel = Counted(*pixel);
+  }
+  return count;
 }
 
 }  // namespace
@@ -113,8 +207,7 @@ std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
             : std::partition_point(next, events.end(), [&](const Event& e) { return e.t_ns < end_ns; });
     const EventSpan piece(next, static_cast<std::size_t>(until - next));
     const auto position = static_cast<std::uint32_t>(next - events.begin());
-    count += min_neighbours_ > 0 ? PassPiece<true>(piece, position, passed + count)
-                                 : PassPiece<false>(piece, position, passed + count);
+    count += PassPiece(piece, position, passed + count);
     next = until;
   }
   return count;
@@ -124,38 +217,14 @@ std::int64_t NoiseFilter::TicksAt(std::int64_t t_ns) const {
   return (t_ns - t0_ns_) / kNsPerMicrosecond >> tick_shift_;
 }
 
-template <bool kAskNeighbours>
 std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed) {
-  // Copies: the compiler cannot know that what is written are not these.
-  std::uint32_t* const pixels = pixels_.data();
+  const Judged judged{pixels_.data(), stride_, needed_neighbours_, t0_ns_, tick_shift_};
   const std::uint32_t window_ticks = window_us_ >> tick_shift_;
-  const int stride = stride_, needed = needed_neighbours_, shift = tick_shift_;
-  const std::int64_t t0_ns = t0_ns_;
-  std::size_t count = 0;
-  const auto pixel_of = [&](const Event& e) { return pixels + static_cast<std::size_t>(e.y + 1) * stride + e.x + 1; };
-  for (const Event& event : events) {
-    // Events jump about in the image: what a later one will need is fetched while this one is judged.
-    const std::uint32_t* const later =
-        pixel_of(*(&event + std::min<std::ptrdiff_t>(kAhead, events.end() - 1 - &event)));
-    Prefetch(later - stride);
-    Prefetch(later);
-    Prefetch(later + stride);
-    std::uint32_t* const pixel = pixel_of(event);
-    const std::uint32_t before = *pixel;
-    const std::uint32_t counted = before + ((before & kCountMask) < kCountMask ? kOneEvent : 0);
-    passed[count] = position++;
-    if (before & kHotBit) {
-      *pixel = counted;
-    } else if (kAskNeighbours) {
-      const auto tick = static_cast<std::uint32_t>((event.t_ns - t0_ns) / kNsPerMicrosecond >> shift);
-      count += RecentNeighbours(pixel, stride, tick, window_ticks) >= needed;
-      *pixel = (counted & ~kTickMask) | (tick & kTickMask);
-    } else {
-      *pixel = counted;
-      ++count;
-    }
-  }
-  return count;
+  if (min_neighbours_ == 0) return CountOnly(judged, events, position, passed);
+#ifdef DEVO_AVX2
+  if (HasAvx2()) return JudgeAvx2(judged, window_ticks, events, position, passed);
+#endif
+  return Judge(judged, OldNeighbours(window_ticks), events, position, passed);
 }
 
 double NoiseFilter::ChanceOfNeighbours(int at_least) const {

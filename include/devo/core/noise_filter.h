@@ -42,7 +42,6 @@ class NoiseFilter {
   double passing_noise_hz() const;
 
  private:
-  template <bool kAskNeighbours>
   std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
   std::int64_t TicksAt(std::int64_t t_ns) const;
   void Update(std::int64_t t_ns);

@@ -101,6 +101,7 @@ struct SurfaceBuilder::Impl {
     if (!compensated) plain.emplace(camera, options.tau_s, options.delta);
   }
 
+  std::uint64_t UsefulEvents() const;
   void FilterNewEvents();
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   void RenderCompensated(const Vector6d& velocity_event, const SceneDepth& depth, Surface* surface);
@@ -115,7 +116,9 @@ struct SurfaceBuilder::Impl {
 
   Ring<Event> raw;
   std::uint64_t filtered_until = 0;
-  double pass_share = 0.5;  // of the events that the filter lately let pass
+  std::uint64_t filtered_early = 0;  // events, by Filter since the last surface
+  std::uint64_t looked_at = 0;  // by the filter, ever
+  double pass_share = 0.5;      // of the events that the filter lately let pass
   Ring<RayEvent> kept;
   NoiseFilter filter;
   std::array<std::uint32_t, kFilterBatch> passed;
@@ -155,7 +158,7 @@ void SurfaceBuilder::Reset() {
   impl_->raw.Clear();
   impl_->kept.Clear();
   impl_->filter.Reset();
-  impl_->filtered_until = 0;
+  impl_->filtered_until = impl_->filtered_early = 0;
   impl_->pass_share = 0.5;
   impl_->progress.clear();
   impl_->last_event_ns = std::numeric_limits<std::int64_t>::min();
@@ -188,7 +191,11 @@ void SurfaceBuilder::Insert(EventSpan events) {
 }
 
 void SurfaceBuilder::Filter() {
-  if (impl_->compensated) impl_->FilterNewEvents();
+  Impl& m = *impl_;
+  if (!m.compensated || m.filtered_early >= m.UsefulEvents()) return;
+  const std::uint64_t before = m.looked_at;
+  m.FilterNewEvents();
+  m.filtered_early += m.looked_at - before;
 }
 
 SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& scene_depth) {
@@ -199,6 +206,7 @@ SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const Vector6d& velocity_ev
   surface->image.create(m.camera.height(), m.camera.width());
   if (m.compensated) {
     m.FilterNewEvents();
+    m.filtered_early = 0;
     m.MeasureRates(t_ns, surface.get());
     m.RenderCompensated(velocity_event, scene_depth, surface.get());
   } else {
@@ -209,9 +217,13 @@ SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const Vector6d& velocity_ev
   return surface;
 }
 
+/// No more than will fill a surface: beyond that the older ones would be filtered in vain.
+std::uint64_t SurfaceBuilder::Impl::UsefulEvents() const {
+  return static_cast<std::uint64_t>(1.2 * static_cast<double>(events_per_surface) / pass_share);
+}
+
 void SurfaceBuilder::Impl::FilterNewEvents() {
-  // No more than will fill a surface: beyond that the older ones would be filtered in vain.
-  const auto useful = static_cast<std::uint64_t>(1.2 * static_cast<double>(events_per_surface) / pass_share);
+  const std::uint64_t useful = UsefulEvents();
   const std::uint64_t begin = std::max({filtered_until, raw.begin(), raw.end() - std::min(raw.end(), useful)});
   const std::uint64_t kept_before = kept.end();
   for (std::uint64_t next = begin; next < raw.end();) {
@@ -227,9 +239,10 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
     next += piece.size;
   }
   filtered_until = raw.end();
-  const std::uint64_t looked_at = raw.end() - begin;
-  if (looked_at < 100) return;
-  pass_share += 0.1 * (static_cast<double>(kept.end() - kept_before) / static_cast<double>(looked_at) - pass_share);
+  const std::uint64_t count = raw.end() - begin;
+  looked_at += count;
+  if (count < 100) return;
+  pass_share += 0.1 * (static_cast<double>(kept.end() - kept_before) / static_cast<double>(count) - pass_share);
   pass_share = std::max(pass_share, 0.3);
 }
 

@@ -67,19 +67,21 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   rig_ = std::make_unique<RigResolver>(nh_, config_, need, [this](const ResolvedRig& rig) { OnRig(rig); });
   health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
   health_.AddTask("mapping", [this](auto& status) { FillStatus(status); });
-  worker_ = std::make_unique<Worker>([this] { return Step(); });
+  worker_ = std::make_unique<Worker>(Worker::Urgency::kBackground, [this] { return Step(); });
 
-  surface_subscriber_ = nh_.subscribe<Surface>(
-      topics::kSurface, 64,
-      boost::function<void(const SurfaceConstPtr&)>([this](const SurfaceConstPtr& surface) { OnSurface(surface); }));
-  pose_subscriber_ = nh_.subscribe<PoseEstimate>(
-      topics::kTrackedPose, 64,
-      boost::function<void(const PoseConstPtr&)>([this](const PoseConstPtr& pose) { OnPose(pose); }));
   SubscribeToDepth(transport);
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,
                                          [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
   rig_->Start();
+  // Last, since nothing may throw any more: they must go before their worker.
+  ros::NodeHandle on_worker = worker_->HandleOf(nh_);
+  surface_subscriber_ = on_worker.subscribe<Surface>(
+      topics::kSurface, 64,
+      boost::function<void(const SurfaceConstPtr&)>([this](const SurfaceConstPtr& surface) { OnSurface(surface); }));
+  pose_subscriber_ = on_worker.subscribe<PoseEstimate>(
+      topics::kTrackedPose, 64,
+      boost::function<void(const PoseConstPtr&)>([this](const PoseConstPtr& pose) { OnPose(pose); }));
   health_.Start();
 }
 

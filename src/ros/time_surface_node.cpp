@@ -27,6 +27,8 @@ constexpr double kSilence_s = 0.5;
 // tracking answers again): tracking may not be there.
 constexpr double kPoseTimeout_s = 0.05;
 constexpr int kMaxUnanswered = 3;
+// A surface is due when the newest event is nearer to its time than this part of the period, and no other waits.
+constexpr std::int64_t kTickTolerance = 100;
 
 }  // namespace
 
@@ -51,12 +53,8 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
       std::make_unique<RigResolver>(nh_, config_, RigResolver::Need{}, [this](const ResolvedRig& rig) { OnRig(rig); });
   health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
   health_.AddTask("time surface", [this](auto& status) { FillStatus(status); });
-  worker_ = std::make_unique<Worker>([this] { return Step(); });
+  worker_ = std::make_unique<Worker>(Worker::Urgency::kUrgent, [this] { return Step(); });
 
-  pose_subscriber_ =
-      nh_.subscribe<PoseEstimate>(topics::kTrackedPose, 8,
-                                  boost::function<void(const boost::shared_ptr<const PoseEstimate>&)>(
-                                      [this](const boost::shared_ptr<const PoseEstimate>& pose) { OnPose(pose); }));
   scene_depth_subscriber_ = nh_.subscribe<SceneDepth>(topics::kSceneDepth, 2,
                                                       boost::function<void(const boost::shared_ptr<const SceneDepth>&)>(
                                                           [this](const boost::shared_ptr<const SceneDepth>& depth) {
@@ -82,15 +80,15 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
     }
     worker_->Wake();
   });
+  // Last, since nothing may throw any more: it must go before its worker.
+  pose_subscriber_ = worker_->HandleOf(nh_).subscribe<PoseEstimate>(
+      topics::kTrackedPose, 8,
+      boost::function<void(const boost::shared_ptr<const PoseEstimate>&)>(
+          [this](const boost::shared_ptr<const PoseEstimate>& pose) { OnPose(pose); }));
   health_.Start();
 }
 
 TimeSurfaceNode::~TimeSurfaceNode() {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    closing_ = true;
-  }
-  pose_arrived_.notify_all();
   // No callback may find the worker gone.
   events_.reset();
   tunables_.reset();
@@ -117,18 +115,15 @@ void TimeSurfaceNode::OnOptions(const OdometryOptions& options) {
 
 void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estimate) {
   const ros::WallTime now = ros::WallTime::now();
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (estimate->epoch != epoch_) return;
-    last_pose_ = estimate;
-    while (!awaiting_pose_.empty() && awaiting_pose_.front().first <= estimate->t_ns) {
-      if (awaiting_pose_.front().first == estimate->t_ns && estimate->state != TrackingState::kInitialising) {
-        latency_ms_.Add(1e3 * (now - awaiting_pose_.front().second).toSec());
-      }
-      awaiting_pose_.pop_front();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (estimate->epoch != epoch_) return;
+  last_pose_ = estimate;
+  while (!awaiting_pose_.empty() && awaiting_pose_.front().first <= estimate->t_ns) {
+    if (awaiting_pose_.front().first == estimate->t_ns && estimate->state != TrackingState::kInitialising) {
+      latency_ms_.Add(1e3 * (now - awaiting_pose_.front().second).toSec());
     }
+    awaiting_pose_.pop_front();
   }
-  pose_arrived_.notify_all();
 }
 
 bool TimeSurfaceNode::OnReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -153,7 +148,7 @@ bool TimeSurfaceNode::Step() {
   try {
     TakeMessages();
     if (!builder_) DropBatches();
-    if (batches_.empty()) return false;
+    if (batches_.empty()) return UseTheWait();
     Batch& batch = batches_.front();
     const std::int64_t first_ns = batch.events[batch.next].t_ns;
     if (batch.begins_epoch) {
@@ -172,12 +167,12 @@ bool TimeSurfaceNode::Step() {
       inserted_ns_ = std::max(inserted_ns_, std::prev(until)->t_ns);
       batch.next += count;
     }
+    last_arrival_ = batch.arrival;
     if (batch.next == batch.events.size()) {
-      last_arrival_ = batch.arrival;
+      spare_ = std::move(batch.events);
       batches_.pop_front();
       return true;
     }
-    last_arrival_ = batch.arrival;
     if (!SkipWhenBehind()) RenderTick();
     return true;
   } catch (const std::exception& error) {
@@ -186,6 +181,17 @@ bool TimeSurfaceNode::Step() {
     failures_.Add(error.what());
     return false;
   }
+}
+
+bool TimeSurfaceNode::UseTheWait() {
+  if (!builder_ || next_tick_ns_ == 0) return false;
+  // Drivers that cut their stream at multiples of the period would else have every surface wait for one more message.
+  if (next_tick_ns_ - inserted_ns_ < period_ns_ / kTickTolerance) {
+    RenderTick();
+    return true;
+  }
+  builder_->Filter();
+  return false;
 }
 
 void TimeSurfaceNode::TakeMessages() {
@@ -209,6 +215,8 @@ void TimeSurfaceNode::TakeMessages() {
   for (const EventMessage& message : messages) {
     Batch batch;
     batch.arrival = message.arrival;
+    batch.events = std::exchange(spare_, {});
+    batch.events.clear();
     message.append(&packets_, &batch.events);
     if (batch.events.empty()) continue;
     // Within a message stamps may go back a little, too.
@@ -231,6 +239,7 @@ void TimeSurfaceNode::TakeMessages() {
 
 void TimeSurfaceNode::ReturnMemory() {
   burst_ = false;
+  spare_ = {};
 #ifdef __GLIBC__
   malloc_trim(0);
 #endif
@@ -273,12 +282,12 @@ bool TimeSurfaceNode::SkipWhenBehind() {
 }
 
 Vector6d TimeSurfaceNode::AwaitVelocity() {
-  std::unique_lock<std::mutex> lock(mutex_);
+  const auto answered = [this](std::int64_t t_ns) { return last_pose_ && last_pose_->t_ns >= t_ns; };
   if (last_surface_ns_ != 0 && unanswered_ < kMaxUnanswered) {
-    const auto answered = [this] { return closing_ || (last_pose_ && last_pose_->t_ns >= last_surface_ns_); };
-    const bool in_time = pose_arrived_.wait_for(lock, std::chrono::duration<double>(kPoseTimeout_s), answered);
+    const bool in_time =
+        worker_->RunCallbacksUntil([&] { return answered(last_surface_ns_); }, ros::WallDuration(kPoseTimeout_s));
     unanswered_ = in_time ? 0 : unanswered_ + 1;
-  } else if (last_pose_ && last_pose_->t_ns >= last_surface_ns_ - 2 * period_ns_) {
+  } else if (answered(last_surface_ns_ - 2 * period_ns_)) {
     unanswered_ = 0;
   }
   return last_pose_ ? last_pose_->velocity_event : Vector6d::Zero();

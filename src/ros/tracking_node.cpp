@@ -72,15 +72,12 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   }
   health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
   health_.AddTask("tracking", [this](auto& status) { FillStatus(status); });
-  worker_ = std::make_unique<Worker>([this] { return Step(); });
+  worker_ = std::make_unique<Worker>(Worker::Urgency::kUrgent, [this] { return Step(); });
 
   if (!config_.topics.ground_truth.empty()) {
     ground_truth_ =
         std::make_unique<GroundTruth>(nh_, config_.topics.ground_truth, config_.T_body_event.value_or(Rigid3()));
   }
-  surface_subscriber_ = nh_.subscribe<Surface>(
-      topics::kSurface, 64,
-      boost::function<void(const SurfaceConstPtr&)>([this](const SurfaceConstPtr& surface) { OnSurface(surface); }));
   map_subscriber_ = nh_.subscribe<LocalMap>(topics::kSemiDenseMap, 4,
                                             boost::function<void(const boost::shared_ptr<const LocalMap>&)>(
                                                 [this](const boost::shared_ptr<const LocalMap>& map) { OnMap(map); }));
@@ -88,6 +85,10 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
                                          [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_trajectory", &TrackingNode::OnSaveTrajectory, this);
   rig_->Start();
+  // Last, since nothing may throw any more: it must go before its worker.
+  surface_subscriber_ = worker_->HandleOf(nh_).subscribe<Surface>(
+      topics::kSurface, 64,
+      boost::function<void(const SurfaceConstPtr&)>([this](const SurfaceConstPtr& surface) { OnSurface(surface); }));
   health_.Start();
 }
 

@@ -3,9 +3,12 @@
 
 #include <utility>
 
+#include "devo/ros/scheduling.h"
+
 namespace devo {
 
-Worker::Worker(std::function<bool()> step) : step_(std::move(step)), thread_([this] { Run(); }) {}
+Worker::Worker(Urgency urgency, std::function<bool()> step)
+    : urgency_(urgency), step_(std::move(step)), thread_([this] { Run(); }) {}
 
 Worker::~Worker() {
   {
@@ -24,7 +27,29 @@ void Worker::Wake() {
   wake_.notify_one();
 }
 
+ros::NodeHandle Worker::HandleOf(const ros::NodeHandle& nh) {
+  ros::NodeHandle handle(nh);
+  handle.setCallbackQueue(&callbacks_);
+  return handle;
+}
+
+bool Worker::RunCallbacksUntil(const std::function<bool()>& done, ros::WallDuration timeout) {
+  const ros::WallTime end = ros::WallTime::now() + timeout;
+  while (!done()) {
+    const ros::WallDuration left = end - ros::WallTime::now();
+    if (left <= ros::WallDuration(0)) return false;
+    callbacks_.callAvailable(left);
+  }
+  return true;
+}
+
+void Worker::Queue::addCallback(const ros::CallbackInterfacePtr& callback, std::uint64_t id) {
+  CallbackQueue::addCallback(callback, id);
+  worker_->Wake();
+}
+
 void Worker::Run() {
+  urgency_ == Urgency::kUrgent ? PreferShortWaits() : LetOthersGoFirst();
   while (true) {
     {
       std::unique_lock<std::mutex> lock(mutex_);
@@ -32,10 +57,11 @@ void Worker::Run() {
       if (stop_) return;
       woken_ = false;
     }
-    while (step_()) {
+    do {
+      callbacks_.callAvailable();
       const std::lock_guard<std::mutex> lock(mutex_);
       if (stop_) return;
-    }
+    } while (step_());
   }
 }
 

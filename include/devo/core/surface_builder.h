@@ -32,7 +32,8 @@ class SurfaceBuilder {
   void Insert(EventSpan events);
 
   /// Filters the events inserted so far, which Render else does first: that part needs no velocity and so need not wait
-  /// for tracking. The surface is the same.
+  /// for tracking. Called at most once between two surfaces, the surface is the same; called more often, while events
+  /// come in, it is as long as they are no more than a surface uses.
   void Filter();
 
   /// The surface at `t_ns` from the events inserted so far (all should be before `t_ns`).

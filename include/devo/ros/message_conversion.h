@@ -30,14 +30,15 @@ namespace devo {
 /// layout.
 template <typename Array>
 void AppendEvents(const Array& message, std::vector<Event>* events) {
-  events->reserve(events->size() + message.events.size());
+  const std::size_t begin = events->size();
+  events->resize(begin + message.events.size());
+  Event* event = events->data() + begin;
   for (const auto& raw : message.events) {
-    Event event;
-    event.t_ns = static_cast<std::int64_t>(raw.ts.toNSec());
-    event.x = raw.x;
-    event.y = raw.y;
-    event.polarity = raw.polarity != 0 ? 1 : 0;
-    events->push_back(event);
+    event->t_ns = static_cast<std::int64_t>(raw.ts.toNSec());
+    event->x = raw.x;
+    event->y = raw.y;
+    event->polarity = raw.polarity != 0 ? 1 : 0;
+    ++event;
   }
 }
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -27,9 +26,9 @@
 
 namespace devo {
 
-/// Renders a surface whenever the events pass a multiple of the surface period. The velocity of the pose before flows
-/// back from tracking: a surface waits for it as long as tracking keeps up. When the backlog of events grows beyond
-/// `max_backlog_s`, surfaces are skipped (and counted), never the newest.
+/// Renders a surface whenever the events pass a multiple of the surface period, or end just before it. The velocity of
+/// the pose before flows back from tracking: a surface waits for it as long as tracking keeps up. When the backlog of
+/// events grows beyond `max_backlog_s`, surfaces are skipped (and counted), never the newest.
 ///
 /// Owns the epoch: time going backwards, a gap of `reset_after_gap_s` or the service ~reset begin a new one, which
 /// every surface carries to the other modules.
@@ -50,13 +49,15 @@ class TimeSurfaceNode {
   // Callbacks.
   void OnRig(const ResolvedRig& rig);
   void OnOptions(const OdometryOptions& options);
-  void OnPose(const boost::shared_ptr<const PoseEstimate>& estimate);
   bool OnReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool OnPause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response);
   void FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   // On the worker's thread.
+  void OnPose(const boost::shared_ptr<const PoseEstimate>& estimate);
   bool Step();
+  /// With no events to insert: renders a surface that waits for none, else does ahead what the next one will need.
+  bool UseTheWait();
   void TakeMessages();
   void DropBatches();
   /// To the system, what queues took that are empty now: the allocator would keep it.
@@ -75,11 +76,9 @@ class TimeSurfaceNode {
 
   // Shared between callbacks and worker.
   std::mutex mutex_;
-  std::condition_variable pose_arrived_;
   std::deque<EventMessage> messages_;
   std::size_t queued_events_ = 0;
   std::uint64_t dropped_events_ = 0;
-  boost::shared_ptr<const PoseEstimate> last_pose_;
   boost::shared_ptr<const SceneDepth> scene_depth_;
   std::unique_ptr<SurfaceBuilder> new_builder_;                       // from the rig, until the worker takes it
   std::deque<std::pair<std::int64_t, ros::WallTime>> awaiting_pose_;  // surface time, arrival of its last events
@@ -91,7 +90,6 @@ class TimeSurfaceNode {
   std::string event_frame_;  // set once, before the worker gets its builder
   bool reset_requested_ = false;
   bool options_changed_ = false;  // in config_.odometry, until the worker's builder has them
-  bool closing_ = false;
   Failures failures_;
   std::atomic<bool> paused_{false};
 
@@ -99,6 +97,8 @@ class TimeSurfaceNode {
   std::unique_ptr<SurfaceBuilder> builder_;
   EventPacketConverter packets_;
   std::deque<Batch> batches_;
+  std::vector<Event> spare_;  // memory for the next batch
+  boost::shared_ptr<const PoseEstimate> last_pose_;
   std::int64_t newest_event_ns_ = 0;
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event
   std::int64_t next_tick_ns_ = 0;     // 0: not set

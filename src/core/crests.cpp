@@ -83,25 +83,53 @@ inline bool NoneReaches(const std::uint16_t* p, std::int16_t floor) {
   return !cv::v_check_any(reaches(p) | reaches(p + 8));
 }
 
-/// Which of the eight values from `p` on, in an image whose rows are `stride` long, reach `floor` and are no less than
-/// both neighbours in one of the four directions: one bit each. Values below 32768.
-inline int Peaks(const std::uint16_t* p, std::size_t stride, std::uint16_t floor) {
-  const auto load = [](const std::uint16_t* q) { return cv::v_reinterpret_as_s16(cv::v_load(q)); };
-  const std::uint16_t *up = p - stride, *down = p + stride;
-  const cv::v_int16x8 v = load(p), too_low = cv::v_setall_s16(static_cast<std::int16_t>(floor)) > v;
-  if (cv::v_check_all(too_low)) return 0;  // most of the image is empty
-  const cv::v_int16x8 across = cv::v_max(load(p - 1), load(p + 1)), along = cv::v_max(load(up), load(down)),
-                      falling = cv::v_max(load(up - 1), load(down + 1)),
-                      rising = cv::v_max(load(up + 1), load(down - 1));
-  const cv::v_int16x8 least = cv::v_min(cv::v_min(across, along), cv::v_min(falling, rising));
-  return ~cv::v_signmask(too_low | (least > v)) & 0xFF;
-}
+/// Which of the sixteen values from `p` on, in an image whose rows are `stride` long, reach `floor` and are no less
+/// than both neighbours in one of the four directions: one bit each. Values below 32768.
+struct Peaks {
+  DEVO_ALWAYS_INLINE static int Of(const std::uint16_t* p, std::size_t stride, std::uint16_t floor) {
+    return OfEight(p, stride, floor) | OfEight(p + 8, stride, floor) << 8;
+  }
+
+  DEVO_ALWAYS_INLINE static int OfEight(const std::uint16_t* p, std::size_t stride, std::uint16_t floor) {
+    const auto load = [](const std::uint16_t* q) { return cv::v_reinterpret_as_s16(cv::v_load(q)); };
+    const std::uint16_t *up = p - stride, *down = p + stride;
+    const cv::v_int16x8 v = load(p), too_low = cv::v_setall_s16(static_cast<std::int16_t>(floor)) > v;
+    if (cv::v_check_all(too_low)) return 0;  // most of the image is empty
+    const cv::v_int16x8 across = cv::v_max(load(p - 1), load(p + 1)), along = cv::v_max(load(up), load(down)),
+                        falling = cv::v_max(load(up - 1), load(down + 1)),
+                        rising = cv::v_max(load(up + 1), load(down - 1));
+    const cv::v_int16x8 least = cv::v_min(cv::v_min(across, along), cv::v_min(falling, rising));
+    return ~cv::v_signmask(too_low | (least > v)) & 0xFF;
+  }
+};
+
+#ifdef DEVO_AVX2
+/// The same, all at once.
+struct PeaksAvx2 {
+  DEVO_AVX2 static inline int Of(const std::uint16_t* p, std::size_t stride, std::uint16_t floor) {
+    const std::uint16_t *up = p - stride, *down = p + stride;
+    const __m256i v = Load(p), too_low = _mm256_cmpgt_epi16(_mm256_set1_epi16(static_cast<std::int16_t>(floor)), v);
+    if (_mm256_movemask_epi8(too_low) == -1) return 0;
+    const __m256i across = _mm256_max_epi16(Load(p - 1), Load(p + 1)), along = _mm256_max_epi16(Load(up), Load(down)),
+                  falling = _mm256_max_epi16(Load(up - 1), Load(down + 1)),
+                  rising = _mm256_max_epi16(Load(up + 1), Load(down - 1));
+    const __m256i least = _mm256_min_epi16(_mm256_min_epi16(across, along), _mm256_min_epi16(falling, rising));
+    const __m256i none = _mm256_or_si256(too_low, _mm256_cmpgt_epi16(least, v));
+    const __m128i bytes = _mm_packs_epi16(_mm256_castsi256_si128(none), _mm256_extracti128_si256(none, 1));
+    return ~_mm_movemask_epi8(bytes) & 0xFFFF;
+  }
+
+  DEVO_AVX2 static inline __m256i Load(const std::uint16_t* p) {
+    return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p));
+  }
+};
+#endif
 
 /// Four pixels of one row.
 using Columns = std::array<int, 4>;
 
 /// The values left of, at and right of each of four pixels of a row.
-inline void LoadThree(const std::uint16_t* row, const Columns& x, cv::v_float32x4 three[3]) {
+DEVO_ALWAYS_INLINE void LoadThree(const std::uint16_t* row, const Columns& x, cv::v_float32x4 three[3]) {
   const std::uint16_t* p = row - 1;
   cv::v_uint16x8 ac, bd, left_mid, right, unused;
   cv::v_zip(cv::v_load_low(p + x[0]), cv::v_load_low(p + x[2]), ac, unused);
@@ -113,14 +141,14 @@ inline void LoadThree(const std::uint16_t* row, const Columns& x, cv::v_float32x
   for (int i = 0; i < 3; ++i) three[i] = cv::v_cvt_f32(cv::v_reinterpret_as_s32(words[i]));
 }
 
-inline cv::v_float32x4 All(float value) { return cv::v_setall_f32(value); }
+DEVO_ALWAYS_INLINE cv::v_float32x4 All(float value) { return cv::v_setall_f32(value); }
 
 /// Ridge through each of four pixels, by the second derivatives (Steger's equations).
 struct Ridges {
   cv::v_float32x4 v, nx, ny, ox, oy;  // height; normal; offset of the ridge from the pixel
   cv::v_float32x4 missing;            // where there is none
 
-  Ridges(const cv::Mat1w& blurred, int y, const Columns& columns) {
+  DEVO_ALWAYS_INLINE Ridges(const cv::Mat1w& blurred, int y, const Columns& columns) {
     cv::v_float32x4 up[3], mid[3], down[3];
     LoadThree(blurred[y - 1], columns, up);
     LoadThree(blurred[y], columns, mid);
@@ -146,7 +174,7 @@ struct Ridges {
 };
 
 /// Nearest integers, halves away from zero, of small numbers.
-inline cv::v_int32x4 Rounded(const cv::v_float32x4& value) {
+DEVO_ALWAYS_INLINE cv::v_int32x4 Rounded(const cv::v_float32x4& value) {
   const cv::v_int32x4 whole = cv::v_trunc(value);
   const auto rest = value - cv::v_cvt_f32(whole);
   return whole - cv::v_reinterpret_as_s32(rest >= All(0.5F)) + cv::v_reinterpret_as_s32(rest <= All(-0.5F));
@@ -154,7 +182,7 @@ inline cv::v_int32x4 Rounded(const cv::v_float32x4& value) {
 
 /// The higher of both sides of each ridge. In texture finer than the sensor resolves, ridges lie side by side with no
 /// valley between them: something is always near, so they say nothing of the pose.
-inline cv::v_float32x4 Sides(const cv::Mat1w& blurred, int y, const Columns& x, const Ridges& ridges) {
+DEVO_ALWAYS_INLINE cv::v_float32x4 Sides(const cv::Mat1w& blurred, int y, const Columns& x, const Ridges& ridges) {
   alignas(16) std::array<int, 4> dx, dy, sides;
   cv::v_store(dx.data(), Rounded(All(kSide_px) * ridges.nx));
   cv::v_store(dy.data(), Rounded(All(kSide_px) * ridges.ny));
@@ -168,7 +196,8 @@ inline cv::v_float32x4 Sides(const cv::Mat1w& blurred, int y, const Columns& x, 
 }
 
 /// Mean polarity of the events around crests of height `v`.
-inline cv::v_float32x4 Polarity(const cv::Mat1s& signed_events, int y, const Columns& x, const cv::v_float32x4& v) {
+DEVO_ALWAYS_INLINE cv::v_float32x4 Polarity(const cv::Mat1s& signed_events, int y, const Columns& x,
+                                            const cv::v_float32x4& v) {
   const std::int16_t *up = signed_events[y - 1] - 1, *mid = signed_events[y] - 1, *down = signed_events[y + 1] - 1;
   const cv::v_int16x8 three(1, 1, 1, 0, 1, 1, 1, 0);
   cv::v_int32x4 sums[4];
@@ -188,8 +217,8 @@ static_assert(kFloats == 6, "an edge is written as four floats and two");
 
 /// Writes the crests among the first `used` of four pixels of row y to `out`, which has room for four, and returns how
 /// many there are.
-inline int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, const Columns& x, int used,
-                       float max_side_share, float* out) {
+DEVO_ALWAYS_INLINE int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, const Columns& x,
+                                   int used, float max_side_share, float* out) {
   const Ridges ridges(blurred, y, x);
   const auto hidden = Sides(blurred, y, x, ridges) >= All(max_side_share) * ridges.v;
   const int found = ~cv::v_signmask(ridges.missing | hidden) & ((1 << used) - 1);
@@ -216,8 +245,8 @@ inline int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events,
 }
 
 /// Appends the crests among the peaks of row y and empties the list.
-inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, float max_side_share,
-                         PixelList* peaks, std::vector<EdgePoint>* crests) {
+DEVO_ALWAYS_INLINE void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y,
+                                     float max_side_share, PixelList* peaks, std::vector<EdgePoint>* crests) {
   std::array<float, kFloats*(PixelList::kFull + 16)> found;  // edges, not initialised: thousands are written
   int count = 0;
   for (int first = 0; first < peaks->size(); first += 4) {
@@ -230,6 +259,39 @@ inline void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_event
   const auto* edges = reinterpret_cast<const EdgePoint*>(found.data());
   crests->insert(crests->end(), edges, edges + count);
   peaks->Clear();
+}
+
+template <typename Peaks>
+DEVO_ALWAYS_INLINE void FindCrestsWith(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, std::uint16_t floor,
+                                       float max_side_share, std::vector<EdgePoint>* crests) {
+  const int right = blurred.cols - kMargin, bottom = blurred.rows - kMargin;
+  const std::size_t stride = blurred.step1();
+  for (int y = kMargin; y < bottom && crests->size() < Surface::kMaxEdges; ++y) {
+    const std::uint16_t* row = blurred[y];
+    PixelList peaks;
+    for (int x = kMargin; x < right; x += 16) {
+      const int bits = Peaks::Of(row + x, stride, floor) & (0xFFFF >> std::max(x + 16 - right, 0));
+      if (bits != 0) {
+        peaks.Append(x, bits & 0xFF);
+        peaks.Append(x + 8, bits >> 8);
+      }
+      const bool last = x + 16 >= right;
+      if (peaks.size() >= PixelList::kFull || (last && peaks.size() > 0)) {
+        AppendCrests(blurred, signed_events, y, max_side_share, &peaks, crests);
+      }
+    }
+  }
+}
+
+#ifdef DEVO_AVX2
+DEVO_AVX2 void FindCrestsAvx2(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, std::uint16_t floor,
+                              float max_side_share, std::vector<EdgePoint>* crests) {
+  FindCrestsWith<PeaksAvx2>(blurred, signed_events, floor, max_side_share, crests);
+}
+#endif
+void FindCrestsPortable(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, std::uint16_t floor,
+                        float max_side_share, std::vector<EdgePoint>* crests) {
+  FindCrestsWith<Peaks>(blurred, signed_events, floor, max_side_share, crests);
 }
 
 constexpr int kMaxFieldRadius = 30;
@@ -389,19 +451,12 @@ void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int th
                 bool clear_only) {
   crests->clear();
   const float max_side_share = clear_only ? kMaxSideShare : kAnySide;
-  const int right = blurred.cols - kMargin, bottom = blurred.rows - kMargin;
   const auto floor = static_cast<std::uint16_t>(std::max(threshold, kEventWeight / 8));
-  for (int y = kMargin; y < bottom && crests->size() < Surface::kMaxEdges; ++y) {
-    const std::uint16_t* row = blurred[y];
-    PixelList peaks;
-    for (int x = kMargin; x < right; x += 8) {
-      const int bits = Peaks(row + x, blurred.step1(), floor) & (0xFF >> std::max(x + 8 - right, 0));
-      if (bits == 0) continue;
-      peaks.Append(x, bits);
-      if (peaks.size() >= PixelList::kFull) AppendCrests(blurred, signed_events, y, max_side_share, &peaks, crests);
-    }
-    if (peaks.size() > 0) AppendCrests(blurred, signed_events, y, max_side_share, &peaks, crests);
-  }
+  auto find = FindCrestsPortable;
+#ifdef DEVO_AVX2
+  if (HasAvx2()) find = FindCrestsAvx2;
+#endif
+  find(blurred, signed_events, floor, max_side_share, crests);
   if (crests->size() > Surface::kMaxEdges) crests->resize(Surface::kMaxEdges);
 }
 

@@ -38,7 +38,8 @@ inline void Prefetch(const void* address) {
 /// Columns of chosen pixels of one row.
 class PixelList {
  public:
-  static constexpr int kFull = 64;  ///< from here on it must be emptied before anything is appended
+  static constexpr int kFull =
+      64;  ///< from here on it must be emptied before anything is appended; below, twice may be
 
   /// Those of the eight pixels from x on whose bit is set. Always writes eight: cheaper than a branch for each.
   void Append(int x, int bits) {
@@ -69,7 +70,7 @@ class PixelList {
     }
   };
 
-  std::array<std::uint16_t, kFull + 8> x_;
+  std::array<std::uint16_t, kFull + 16> x_;
   int size_ = 0;
 };
 

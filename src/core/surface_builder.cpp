@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
-constexpr std::size_t kAhead = 16;          // events: about the time that the third cache takes to answer
+constexpr std::size_t kAhead = 64;  // events: about the time that memory takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
 class RayLookup {

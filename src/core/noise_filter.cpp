@@ -33,7 +33,7 @@ constexpr std::int64_t kLongAgo_ticks = 1 << 14;  // longer than any window: fro
 constexpr std::int64_t kForgettingPeriod_ticks = 1 << 15;
 static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= 1 << 16, "what is long ago must not come round");
 
-constexpr std::ptrdiff_t kAhead = 16;  // events: about the time that the third cache takes to answer
+constexpr std::ptrdiff_t kAhead = 40;  // events: about the time that the third cache takes to answer
 
 inline std::uint32_t CountOf(std::uint32_t pixel) { return (pixel & kCountMask) / kOneEvent; }
 

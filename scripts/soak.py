@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the three nodelets for minutes on a recording that is played there and back again in real time, and prints what
-they cost: CPU, latency, memory and its slope.
+they cost: CPU, latency (percentiles of 20 s each: their median and the worst), memory and the slope of a line through it
+after the first minutes.
 
     source devel/setup.bash
     scripts/soak.py --bag rec.bag --config config/simulated.yaml rec.yaml --minutes 10
@@ -125,14 +126,45 @@ class Watch:
         if len(steady) < 3:
             steady = rows
         span_s = steady[-1, 0] - steady[0, 0]
-        slope = np.polyfit(steady[:, 0] - steady[0, 0], steady[:, 2], 1)[0] * 3600
+
+        def slope(part):
+            return np.polyfit(part[:, 0] - part[0, 0], part[:, 2], 1)[0] * 3600
+
         print(f'| CPU | {100 * (steady[-1, 1] - steady[0, 1]) / span_s:.0f} % of one core |')
         print(f'| resident memory | {steady[0, 2]:.0f} MB after {warm_up_s:.0f} s, {steady[-1, 2]:.0f} MB after '
               f'{rows[-1, 0] - rows[0, 0]:.0f} s, most {rows[:, 2].max():.0f} MB |')
         minutes = np.arange(rows[0, 0], rows[-1, 0], 60)
         per_minute = [rows[np.searchsorted(rows[:, 0], t), 2] for t in minutes]
         print(f"| resident MB, minute by minute | {' '.join(f'{mb:.0f}' for mb in per_minute)} |")
-        print(f'| slope of memory after the first {warm_up_s:.0f} s | {slope:+.1f} MB/h |')
+        print(f'| slope of memory after the first {rows[-1, 0] - rows[0, 0] - span_s:.0f} s | {slope(steady):+.1f} MB/h, '
+              f'of its second half {slope(steady[len(steady) // 2:]):+.1f} MB/h |')
+
+
+class Health:
+    """What the diagnostics said. Their percentiles are of the last WINDOW_S seconds."""
+
+    WINDOW_S = 20
+
+    def __init__(self):
+        self.history = {}  # task: [(time, {key: value})]
+        rospy.Subscriber('/diagnostics', DiagnosticArray, self.take)
+
+    def take(self, array):
+        for status in array.status:
+            task = status.name.rsplit(': ', 1)[-1]
+            self.history.setdefault(task, []).append((time.time(), {pair.key: pair.value for pair in status.values}))
+
+    def report(self, warm_up_s):
+        for task, keys in SHOWN:
+            history = self.history.get(task) or [(0, {})]
+            windows = history[::-self.WINDOW_S]  # one message per second: apart from each other
+            steady = [w for t, w in windows if t >= history[0][0] + warm_up_s] or [windows[0][1]]
+            for key in keys:
+                text = windows[0][1].get(key, '-')
+                if key.endswith('(ms)') and text != '-':
+                    values = [float(w[key]) for w in steady]
+                    text = f'{np.median(values):.2f}, worst {self.WINDOW_S} s {max(values):.2f}'
+                print(f'| {task}: {key} | {text} |')
 
 
 def play(messages, publishers, minutes, watch):
@@ -162,7 +194,8 @@ def main():
     parser.add_argument('--bag', required=True)
     parser.add_argument('--config', required=True, nargs='+', help='yaml of the rig; later ones override earlier ones')
     parser.add_argument('--minutes', type=float, default=10)
-    parser.add_argument('--warm-up', type=float, default=60, help='seconds that CPU and slope leave out')
+    parser.add_argument('--warm-up', type=float, default=120,
+                        help='seconds that CPU, slope and percentiles leave out')
     parser.add_argument('--port', type=int, default=11399, help='of the master that is started')
     parser.add_argument('--set', default='', help='key=value overrides, separated by spaces')
     parser.add_argument('--prefix', default='', help="before the manager's command, such as 'nice -n -5'")
@@ -181,9 +214,7 @@ def main():
         rospy.init_node('soak', disable_signals=True)
         master = rosgraph.Master('/soak')
         pid = wait_for('nodelet manager', 60, lambda: ServerProxy(master.lookupNode('/devo/manager')).getPid('/soak')[2])
-        diagnostics = {}
-        rospy.Subscriber('/diagnostics', DiagnosticArray,
-                         lambda array: diagnostics.update({status.name: status for status in array.status}))
+        health = Health()
         messages, publishers = load(arguments.bag, topics_of(configs))
         events = max(publishers, key=lambda topic: sum(len(m.bytes) for m in messages if m.topic == topic))
         wait_for('subscription of the nodelets', 60, lambda: publishers[events].get_num_connections())
@@ -192,11 +223,7 @@ def main():
         time.sleep(1.5)  # the last diagnostics
         print(f'| {os.path.basename(arguments.bag)} | {rounds:.1f} rounds of {round_s} s there and back |\n|---|---|')
         watch.report(arguments.warm_up)
-        for task, keys in SHOWN:
-            status = next((s for name, s in diagnostics.items() if name.endswith(': ' + task)), None)
-            values = {pair.key: pair.value for pair in status.values} if status else {}
-            for key in keys:
-                print(f"| {task}: {key} | {values.get(key, '-')} |")
+        health.report(arguments.warm_up)
     finally:
         for process in reversed(processes):
             process.terminate()

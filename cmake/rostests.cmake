@@ -50,6 +50,10 @@ add_rostest(test/rostest/burst.test
 
 add_rostest(test/rostest/bad_parameters.test DEPENDENCIES ${devo_rostest_dependencies})
 
+add_rostest_gmock(due_surface_test test/rostest/due_surface.test test/rostest/due_surface_test.cpp)
+target_link_libraries(due_surface_test devo_ros)
+add_dependencies(due_surface_test devo_nodelets)
+
 add_rostest_gmock(zero_copy_test test/rostest/zero_copy.test test/rostest/zero_copy_test.cpp)
 target_link_libraries(zero_copy_test devo_ros devo_sim)
 devo_use_event_messages(zero_copy_test test/rostest/zero_copy_test.cpp)

@@ -344,6 +344,31 @@ TEST(SurfaceBuilder, DoesNotChangeASurfaceThatIsStillHeld) {
   EXPECT_EQ(cv::norm(nearest, first->nearest_edge, cv::NORM_INF), 0);
 }
 
+TEST(SurfaceBuilder, MakesTheSameSurfaceWhenEventsAreFilteredAsTheyCome) {
+  const SurfaceOptions options;
+  SurfaceBuilder at_once(TestCamera(), options), bit_by_bit(TestCamera(), options);
+  std::mt19937 random(5);
+  std::uniform_int_distribution<int> column(40, 60), row(30, 90);
+  for (int k = 1; k <= 30; ++k) {
+    const std::int64_t t_ns = kT_ns + 10'000'000LL * k;
+    for (int part = 0; part < 10; ++part) {
+      std::vector<Event> events;
+      for (int i = 0; i < 150; ++i) {
+        events.push_back(At(t_ns - 1'000'000 * (10 - part) + 6000 * i, column(random), row(random)));
+      }
+      at_once.Insert(events);
+      bit_by_bit.Insert(events);
+      bit_by_bit.Filter();
+    }
+    const auto a = at_once.Render(t_ns, Vector6d::Zero(), {}), b = bit_by_bit.Render(t_ns, Vector6d::Zero(), {});
+    ASSERT_EQ(a->events_used, b->events_used) << k;
+    ASSERT_EQ(cv::norm(a->image, b->image, cv::NORM_INF), 0) << k;
+    ASSERT_EQ(cv::norm(a->nearest_edge, b->nearest_edge, cv::NORM_INF), 0) << k;
+  }
+  EXPECT_GT(at_once.counters().noise, 0U);
+  EXPECT_EQ(at_once.counters().noise, bit_by_bit.counters().noise);
+}
+
 TEST(PlainSurface, DecaysExponentiallyFromTheLastEventOfEachPixel) {
   SurfaceOptions options;
   options.method = "exponential";

@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
-constexpr std::size_t kAhead = 64;  // events: about the time that memory takes to answer
+constexpr std::size_t kAhead = 64;          // events: about the time that memory takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
 class RayLookup {
@@ -117,8 +117,8 @@ struct SurfaceBuilder::Impl {
   Ring<Event> raw;
   std::uint64_t filtered_until = 0;
   std::uint64_t filtered_early = 0;  // events, by Filter since the last surface
-  std::uint64_t looked_at = 0;  // by the filter, ever
-  double pass_share = 0.5;      // of the events that the filter lately let pass
+  std::uint64_t looked_at = 0;       // by the filter, ever
+  double pass_share = 0.5;           // of the events that the filter lately let pass
   Ring<RayEvent> kept;
   NoiseFilter filter;
   std::array<std::uint32_t, kFilterBatch> passed;

@@ -67,7 +67,7 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   rig_ = std::make_unique<RigResolver>(nh_, config_, need, [this](const ResolvedRig& rig) { OnRig(rig); });
   health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
   health_.AddTask("mapping", [this](auto& status) { FillStatus(status); });
-  worker_ = std::make_unique<Worker>(Worker::Urgency::kBackground, [this] { return Step(); });
+  worker_ = std::make_unique<Worker>(Worker::Urgency::kUsual, [this] { return Step(); });
 
   SubscribeToDepth(transport);
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,

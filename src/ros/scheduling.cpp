@@ -3,11 +3,8 @@
 
 #ifdef __linux__
 #include <linux/sched/types.h>
-#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
-
-#include <cerrno>
 #endif
 
 namespace devo {
@@ -15,9 +12,6 @@ namespace devo {
 #ifdef __linux__
 namespace {
 constexpr unsigned kTurn_ns = 200'000;
-constexpr int kBackgroundNice = 5;
-
-int ThreadId() { return static_cast<int>(syscall(SYS_gettid)); }
 }  // namespace
 
 void PreferShortWaits() {
@@ -28,16 +22,8 @@ void PreferShortWaits() {
   attributes.sched_runtime = kTurn_ns;
   syscall(SYS_sched_setattr, 0, &attributes, 0);
 }
-
-void LetOthersGoFirst() {
-  // On Linux a nice value is a thread's own.
-  errno = 0;
-  const int nice = getpriority(PRIO_PROCESS, ThreadId());
-  if (errno == 0) setpriority(PRIO_PROCESS, ThreadId(), nice + kBackgroundNice);
-}
 #else
 void PreferShortWaits() {}
-void LetOthersGoFirst() {}
 #endif
 
 }  // namespace devo

@@ -9,7 +9,4 @@ namespace devo {
 /// 6.12 and later take a thread of long turns off the processor for it; earlier ones ignore this.
 void PreferShortWaits();
 
-/// A smaller share where others want the processor, too.
-void LetOthersGoFirst();
-
 }  // namespace devo

@@ -16,8 +16,8 @@ namespace devo {
 class Worker {
  public:
   enum class Urgency {
-    kUrgent,     ///< a pose waits for it
-    kBackground  ///< lets everything else go first, on Linux
+    kUrgent,  ///< a pose waits for it
+    kUsual
   };
 
   /// `step` does one piece of work and returns whether there may be more. It is called on the worker's thread only.

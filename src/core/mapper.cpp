@@ -42,6 +42,7 @@ void Mapper::Reset() {
   lidar_depth_ = DepthImage();
   poses_.Clear();
   velocity_.setZero();
+  event_delay_ns_ = 0;
   trackable_ = false;
   map_.Clear();
   occluder_.reset();
@@ -70,6 +71,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   if (pose.epoch != epoch_) return;
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
+  event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
                pose.state == TrackingState::kRecovered;
 }
@@ -77,11 +79,14 @@ void Mapper::AddPose(const PoseEstimate& pose) {
 void Mapper::AddDepth(const DepthImage& depth) {
   ++counters_.depth_in;
   depths_.push_back(depth);
+  depths_.back().t_ns += event_delay_ns_;
   if (depths_.size() > kMaxDepths) depths_.pop_front();
 }
 
 void Mapper::AddSweep(LidarSweep sweep) {
   ++counters_.depth_in;
+  sweep.end_ns += event_delay_ns_;
+  for (LidarPoint& point : sweep.points) point.t_ns += event_delay_ns_;
   sweeps_.push_back(std::move(sweep));
   if (sweeps_.size() > kMaxSweeps) sweeps_.pop_front();
 }

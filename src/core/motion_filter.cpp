@@ -29,8 +29,13 @@ constexpr double kGravitySigma_m_s2 = 1.0;  // of the first reading: the camera 
 // Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less.
 constexpr double kMaxNormalisedSquare = 16;
 
+// Clocks of one host, a sensor's own filter and the latency of dark pixels. Edges err alike for tenths of a second,
+// which looks like evidence: only a part of each step is taken (Brink, "Partial-Update Schmidt-Kalman Filter", 2017).
+constexpr double kDelaySigma_s = 5e-3, kDelayWalk_s = 2e-4, kDelayStep = 0.3;
+
 // Where things are in the state.
-constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24;
+constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24,
+              kDelay = 27;
 
 Vector6d Both(double translation, double rotation) {
   Vector6d v;
@@ -45,6 +50,7 @@ void MotionFilter::Reset() {
   gravity_world_.setZero();
   gyroscope_bias_.setZero();
   accelerometer_bias_.setZero();
+  delay_s_ = 0;
 }
 
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event) {
@@ -52,6 +58,7 @@ void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event) {
     P_.setZero();
     P_.diagonal().segment<3>(kGyroBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
     P_.diagonal().segment<3>(kAccBias).setConstant(std::pow(kAccelerometerBias_m_s2, 2));
+    P_(kDelay, kDelay) = options_.max_delay_s > 0 ? std::pow(kDelaySigma_s, 2) : 0;
   }
   started_ = true;
   t_ns_ = t_ns;
@@ -101,6 +108,7 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
     P_(kGyroBias + i, kGyroBias + i) += std::pow(kGyroscopeWalk_rad_s, 2) * dt_s;
     P_(kAccBias + i, kAccBias + i) += std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
   }
+  if (options_.max_delay_s > 0) P_(kDelay, kDelay) += std::pow(kDelayWalk_s, 2) * dt_s;
   T_world_event_ = T_world_event_ * Exp(step);
   velocity_ += acceleration_ * dt_s;
   acceleration_ *= fade;
@@ -110,7 +118,11 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
-  return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), ahead.pose_covariance()};
+  // As if the delay were known: not knowing it would let go of rotation, which the gyroscope knows best.
+  Matrix6d covariance = ahead.pose_covariance();
+  const Vector6d with_delay = ahead.P_.col(kDelay).head<6>();
+  if (ahead.P_(kDelay, kDelay) > 0) covariance -= with_delay * with_delay.transpose() / ahead.P_(kDelay, kDelay);
+  return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), covariance};
 }
 
 void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information) {
@@ -129,8 +141,15 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   accelerometer_bias_ += gain.middleRows<3>(kAccBias) * moved;
   T_world_event_ = T_world_event;
   const Matrix6d P_pose_after = (P_pose_inverse + information).ldlt().solve(I);
-  P_ -= gain * (P_pose - P_pose_after) * gain.transpose();
+  const Matrix drop = gain * (P_pose - P_pose_after) * gain.transpose();
+  P_ -= drop;
+  MoveDelay(gain.row(kDelay) * moved, drop(kDelay, kDelay));
   P_ = (0.5 * (P_ + P_.transpose())).eval();
+}
+
+void MotionFilter::MoveDelay(double full_step_s, double full_drop_of_variance) {
+  delay_s_ = std::clamp(delay_s_ + kDelayStep * full_step_s, -options_.max_delay_s, options_.max_delay_s);
+  P_(kDelay, kDelay) += std::pow(1 - kDelayStep, 2) * full_drop_of_variance;
 }
 
 void MotionFilter::LearnGravity(const Eigen::Vector3d& up_event) {
@@ -145,6 +164,8 @@ MotionFilter::Measurement MotionFilter::Turn(const InertialMean& inertial, const
   m.residual = inertial.angular_velocity * dt_s - (turned + gyroscope_bias_ * dt_s);
   m.H.middleCols<3>(kPhi).setIdentity();
   m.H.middleCols<3>(kGyroBias) = dt_s * Eigen::Matrix3d::Identity();
+  // By how much the rate changes per second, of the poses so far: this reading's noise is not in it.
+  m.H.col(kDelay) = dt_s * before.acceleration_.tail<3>();
   m.H_before.middleCols<3>(kPhi) = -ExpSO3(-turned).toRotationMatrix();
   m.sigma = dt_s * std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm());
   return m;
@@ -211,7 +232,10 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
   gravity_world_ += correction.segment<3>(kGravity);
   gyroscope_bias_ += correction.segment<3>(kGyroBias);
   accelerometer_bias_ += correction.segment<3>(kAccBias);
+  // How the readings differ from a fading acceleration grows with the acceleration, too: only poses tell of a delay.
+  const double delay_variance = P_(kDelay, kDelay);
   P_ -= gain * S * gain.transpose();
+  P_(kDelay, kDelay) = delay_variance;
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 

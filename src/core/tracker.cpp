@@ -112,16 +112,25 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.t_edges_ns = motion_.time_ns();
   pose.T_world_event_edges = motion_.pose();
   MotionFilter ahead = motion_;
-  Advance(surface.t_ns, &ahead);
-  const auto now = ahead.Predict(surface.t_ns);
+  // Late events show where the camera was. An inertial sensor is never early, but may be late: that says nothing of
+  // them.
+  pose.event_delay_s = std::max(0.0, motion_.delay_s());
+  const std::int64_t t_shown_ns = surface.t_ns + NsFromSeconds(pose.event_delay_s);
+  Advance(t_shown_ns, &ahead);
+  const auto now = ahead.Predict(t_shown_ns);
   pose.T_world_event = now.T_world_event;
   pose.velocity_event = MeanVelocity();
   pose.covariance_event = now.covariance;
   return pose;
 }
 
+std::optional<InertialMean> Tracker::Inertial(const MotionFilter& motion, std::int64_t t_ns) const {
+  const std::int64_t delay_ns = NsFromSeconds(motion.delay_s());
+  return inertial_.Mean(motion.time_ns() - delay_ns, t_ns - delay_ns);
+}
+
 bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
-  const auto inertial = inertial_.Mean(motion->time_ns(), t_ns);
+  const auto inertial = Inertial(*motion, t_ns);
   if (inertial) motion->Advance(t_ns, *inertial);
   return inertial.has_value();
 }
@@ -132,7 +141,7 @@ bool Tracker::EventsEndedSuddenly() const {
 }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
-  motion_.HoldStill(t_ns, inertial_.Mean(motion_.time_ns(), t_ns));
+  motion_.HoldStill(t_ns, Inertial(motion_, t_ns));
   pose->inlier_share = 1;
   if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
 }

@@ -45,6 +45,7 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   if (lost) return;
   trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
   covariances_.push_back(estimate.covariance_event);
+  event_delay_s_ = estimate.event_delay_s;
 }
 
 double RunReport::Coverage(std::int64_t end) const {
@@ -61,6 +62,7 @@ std::string RunReport::ToJson() const {
   json["warnings"] = warnings;
   json["poses"] = trajectory_.size();
   json["coverage"] = Coverage(end_ns);
+  json["event_delay_ms"] = 1e3 * event_delay_s_;
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,
                            TrackingState::kLost, TrackingState::kRecovered}) {
     json["poses_by_state"][ToString(state)] = poses_by_state_[static_cast<int>(state)];

@@ -145,6 +145,7 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   for (int row = 0; row < 6; ++row) {
     for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
   }
+  stream.next(estimate.event_delay_s);
   stream.next(static_cast<std::uint8_t>(estimate.state));
   stream.next(static_cast<std::int32_t>(estimate.reference_id));
   stream.next(static_cast<std::int32_t>(estimate.points_used));
@@ -163,6 +164,7 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   for (int row = 0; row < 6; ++row) {
     for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
   }
+  stream.next(estimate.event_delay_s);
   std::uint8_t state = 0;
   stream.next(state);
   if (state > static_cast<std::uint8_t>(TrackingState::kRecovered)) {

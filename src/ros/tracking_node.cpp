@@ -285,6 +285,7 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.add("points used", last_.points_used);
   status.addf("matched share", "%.2f", last_.inlier_share);
   status.addf("mean residual (px)", "%.2f", last_.mean_residual_px);
+  status.addf("delay of events (ms)", "%.1f", 1e3 * last_.event_delay_s);
   status.addf("tracking p50 (ms)", "%.2f", tracking_ms_.At(0.5));
   status.addf("tracking p99 (ms)", "%.2f", tracking_ms_.At(0.99));
   status.addf("tracking max (ms)", "%.2f", tracking_ms_.At(1));

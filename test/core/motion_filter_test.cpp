@@ -154,19 +154,20 @@ InertialMean ReadAt(double t) {
 }
 
 /// Poses to a tenth of a millimetre and milliradian for `seconds`, with the inertial sensor between them, or without
-/// it.
-MotionFilter Swinging(double seconds, bool inertial) {
+/// it. Poses come `delay_s` late.
+MotionFilter Swinging(double seconds, bool inertial, double delay_s = 0) {
   MotionFilter filter{TrackingOptions()};
   filter.Start(0, SwingAt(0));
   std::mt19937 random(3);
   std::normal_distribution<double> noise(0, 1e-4);
   for (int k = 1; k <= static_cast<int>(100 * seconds); ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
-    if (inertial) filter.Advance(t_ns, ReadAt(SecondsFromNs(t_ns - kPeriod_ns / 2)));
+    if (inertial) filter.Advance(t_ns, ReadAt(SecondsFromNs(t_ns - kPeriod_ns / 2) - filter.delay_s()));
     const auto predicted = filter.Predict(t_ns);
     const Vector6d off = Vector6d::NullaryExpr([&] { return noise(random); });
     const Matrix6d information = 1e8 * Matrix6d::Identity(), prior = predicted.covariance.inverse();
-    const Vector6d measured = Log(predicted.T_world_event.inverse() * SwingAt(SecondsFromNs(t_ns)) * Exp(off));
+    const Vector6d measured =
+        Log(predicted.T_world_event.inverse() * SwingAt(SecondsFromNs(t_ns) - delay_s) * Exp(off));
     filter.Update(t_ns,
                   predicted.T_world_event * Exp(Vector6d((prior + information).inverse() * information * measured)),
                   information);
@@ -191,6 +192,24 @@ TEST(MotionFilter, LearnsGravityAndBiasesWhileItMoves) {
   EXPECT_LT((filter.gyroscope_bias() - kTurnBias).norm(), 0.002);
   EXPECT_LT((filter.gravity_world() - kGravity).norm(), 0.05);
   EXPECT_LT((filter.accelerometer_bias() - kPushBias).norm(), 0.05);
+}
+
+TEST(MotionFilter, LearnsByHowMuchPosesAreLateOrEarly) {
+  EXPECT_NEAR(Swinging(10, true).delay_s(), 0, 5e-4);
+  EXPECT_NEAR(Swinging(10, true, 0.008).delay_s(), 0.008, 1e-3);
+  EXPECT_NEAR(Swinging(10, true, -0.005).delay_s(), -0.005, 1e-3);
+}
+
+TEST(MotionFilter, KeepsADelayOfZeroWhereNoneIsAllowed) {
+  TrackingOptions options;
+  options.max_delay_s = 0;
+  MotionFilter filter(options);
+  filter.Start(0, SwingAt(-0.005));
+  for (int k = 1; k < 100; ++k) {
+    filter.Advance(k * kPeriod_ns, ReadAt(SecondsFromNs(k * kPeriod_ns - kPeriod_ns / 2)));
+    filter.Update(k * kPeriod_ns, SwingAt(SecondsFromNs(k * kPeriod_ns) - 0.005), 1e8 * Matrix6d::Identity());
+  }
+  EXPECT_EQ(filter.delay_s(), 0);
 }
 
 TEST(MotionFilter, FindsItsWayThroughThreeTenthsOfASecondWithAnInertialSensor) {

@@ -59,6 +59,7 @@ PoseEstimate SomePose() {
   estimate.points_used = 1800;
   estimate.inlier_share = 0.75;
   estimate.mean_residual_px = 0.3;
+  estimate.event_delay_s = 0.004;
   estimate.iterations = 8;
   return estimate;
 }
@@ -147,6 +148,7 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_EQ(message.points_used, 1800);
   EXPECT_DOUBLE_EQ(message.inlier_share, 0.75);
   EXPECT_DOUBLE_EQ(message.mean_residual_px, 0.3);
+  EXPECT_DOUBLE_EQ(message.event_delay_s, 0.004);
   EXPECT_EQ(message.iterations, 8);
   const auto bytes = Bytes(estimate);
   const auto read = FromBytes<PoseEstimate>(bytes);

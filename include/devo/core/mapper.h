@@ -94,6 +94,7 @@ class Mapper {
   std::deque<LidarSweep> sweeps_;
   DepthImage lidar_depth_;
   PoseHistory poses_;
+  std::int64_t event_delay_ns_ = 0;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
   bool trackable_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image

@@ -4,8 +4,8 @@
 // acceleration, driven by white jerk, with the acceleration fading (Singer, "Estimating optimal tracking filter
 // performance for manned maneuvering targets", 1970). Its prediction is the prior of the alignment, so that
 // directions that one surface leaves open are held by what earlier surfaces said of them. An inertial sensor, where
-// there is one, measures how rotation and velocity change from pose to pose; its biases and the direction of gravity
-// are states too.
+// there is one, measures how rotation and velocity change from pose to pose; its biases, the direction of gravity and
+// the delay of events against it are states too.
 #pragma once
 
 #include <cstdint>
@@ -57,13 +57,16 @@ class MotionFilter {
   const Rigid3& pose() const { return T_world_event_; }
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
   bool started() const { return started_; }
-  const Eigen::Vector3d& gravity_world() const { return gravity_world_; }            ///< m/s^2; zero: not known
-  const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }          ///< rad/s, event frame
+  const Eigen::Vector3d& gravity_world() const { return gravity_world_; }    ///< m/s^2; zero: not known
+  const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }  ///< rad/s, event frame
+  /// By how much later than the inertial sensor's stamps events show the same motion, s: what they read over [a, b] is
+  /// to be given for [a + delay, b + delay].
+  double delay_s() const { return delay_s_; }
   const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
   void Reset();
 
  private:
-  static constexpr int kStates = 27;
+  static constexpr int kStates = 28;
   using Vector = Eigen::Matrix<double, kStates, 1>;
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
 
@@ -79,6 +82,7 @@ class MotionFilter {
   /// Returns the derivative of the new state by the old one.
   Matrix Propagate(double dt_s);
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
+  void MoveDelay(double full_step_s, double full_drop_of_variance);
   void LearnGravity(const Eigen::Vector3d& up_event);
   Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
   Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
@@ -90,7 +94,9 @@ class MotionFilter {
   Vector6d velocity_ = Vector6d::Zero(), acceleration_ = Vector6d::Zero();  // of and in the event frame
   Eigen::Vector3d gravity_world_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d gyroscope_bias_ = Eigen::Vector3d::Zero(), accelerometer_bias_ = Eigen::Vector3d::Zero();
-  // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias].
+  double delay_s_ = 0;
+  // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias;
+  // delay].
   Matrix P_ = Matrix::Zero();
 };
 

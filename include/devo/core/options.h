@@ -71,6 +71,7 @@ struct TrackingOptions {
   double huber_share = 0.1;
   double acceleration_m_s2 = 3;
   double angular_acceleration_rad_s2 = 10;
+  double max_delay_s = 0.03;
   TrackingIdeas ideas;
 };
 
@@ -170,6 +171,8 @@ void VisitOptions(Options& o, Visitor&& visit) {
         "standard deviation of the camera's acceleration: how far the motion prior trusts a constant velocity");
   visit("tracking.angular_acceleration_rad_s2", o.tracking.angular_acceleration_rad_s2, 0.1, 10000.0,
         "the same for rotation");
+  visit("tracking.max_delay_s", o.tracking.max_delay_s, 0.0, 1.0,
+        "the delay of events against an inertial sensor's stamps is estimated up to this; 0: both show one moment");
   VisitIdeas(o, visit);
 }
 

@@ -28,6 +28,10 @@ struct PoseEstimate {
   Vector6d velocity_event =
       Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame
+  /// By how much later than the other sensors events show a motion (latency of dark pixels), at least 0; 0 without an
+  /// inertial sensor. T_world_event is where the camera was at `t_ns` all the same; `t_edges_ns` is the events' own
+  /// time.
+  double event_delay_s = 0;
   TrackingState state = TrackingState::kInitialising;
   int reference_id = -1;        ///< reference that the local map was centred on
   int points_used = 0;          ///< map points that took part

@@ -48,6 +48,7 @@ class Tracker {
  private:
   void Register(const Surface& surface, PoseEstimate* pose);
   /// With the inertial sensor's readings up to then; false: there are none.
+  std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;
   bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;

@@ -33,6 +33,9 @@ constexpr double kUsualForgets_s = 0.5;
 // kActivitySpan_s, it is the events that are missing.
 constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
 constexpr double kMaxCoast_s = 1;
+// Where a motion turns round slowly, events become too few to see it, for a moment.
+constexpr double kMaxUnseen_s = 0.15;
+constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
 constexpr double kActivitySpan_s = 0.03;
 
 }  // namespace
@@ -61,7 +64,7 @@ void Tracker::Reset() {
   state_ = TrackingState::kInitialising;
   bad_in_a_row_ = suspicious_in_a_row_ = 0;
   usual_share_ = 0.5;
-  coasting_ = coasted_ = inertial_prior_ = false;
+  missing_ = coasted_ = inertial_prior_ = false;
   activity_hz_.clear();
   usual_activity_hz_ = 0;
 }
@@ -90,12 +93,13 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.t_edges_ns = surface.t_edges_ns;
   pose.epoch = surface.epoch;
   pose.reference_id = map_->id;
-  coasting_ = surface.still && (coasting_ || EventsEndedSuddenly()) &&
-              SecondsFromNs(surface.t_ns - last_active_ns_) < kMaxCoast_s;
+  const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
+  missing_ = surface.still && (missing_ || EventsEndedSuddenly()) && unseen_s < kMaxCoast_s;
+  const bool coasting = missing_ || (surface.still && unseen_s < kMaxUnseen_s && IsMoving(surface.t_edges_ns));
   if (surface.t_edges_ns > motion_.time_ns()) {
     if (!surface.still) {
       Register(surface, &pose);
-    } else if (coasting_) {
+    } else if (coasting) {
       Coast(surface.t_edges_ns, &pose);
     } else {
       HoldStill(surface.t_edges_ns, &pose);
@@ -118,7 +122,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   const std::int64_t t_shown_ns = surface.t_ns + NsFromSeconds(pose.event_delay_s);
   Advance(t_shown_ns, &ahead);
   const auto now = ahead.Predict(t_shown_ns);
-  pose.T_world_event = now.T_world_event;
+  pose.T_world_event = surface.still && !coasting ? motion_.pose() : now.T_world_event;
   pose.velocity_event = MeanVelocity();
   pose.covariance_event = now.covariance;
   return pose;
@@ -138,6 +142,14 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
 bool Tracker::EventsEndedSuddenly() const {
   return !activity_hz_.empty() && activity_hz_.front() > kSuddenFactor * options_.surface.still_activity_hz &&
          activity_hz_.front() > kSuddenShare * usual_activity_hz_;
+}
+
+bool Tracker::IsMoving(std::int64_t t_ns) const {
+  if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
+  MotionFilter ahead = motion_;
+  Advance(t_ns, &ahead);
+  const auto now = ahead.Predict(t_ns);
+  return now.velocity_event.dot(now.velocity_covariance.ldlt().solve(now.velocity_event)) > kClearlyMoving;
 }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {

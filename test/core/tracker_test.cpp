@@ -126,6 +126,32 @@ TEST(Tracker, TakesOtherOptionsWithoutLosingItsTrack) {
   EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
 }
 
+/// What an inertial sensor in the event camera reads of the constant motion.
+ImuSample Read(std::int64_t t_ns) {
+  const Eigen::Vector3d v = Twist().head<3>(), omega = Twist().tail<3>(), gravity_world(0, 9.81, 0);
+  ImuSample sample;
+  sample.t_ns = t_ns;
+  sample.angular_velocity = omega;
+  sample.linear_acceleration = omega.cross(v) - TrueAt(t_ns).rotation().conjugate() * gravity_world;
+  return sample;
+}
+
+TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMoment) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 70; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+    // Fewer from surface to surface, as at a standstill, and none in the last ten.
+    Surface surface = k <= 60 ? Seen(t_ns, TrueAt(t_ns)) : Still(t_ns);
+    if (k > 50 && k <= 60) surface.activity_hz = 0.1 * (61 - k);
+    pose = tracker.Track(surface);
+  }
+  ASSERT_TRUE(pose);
+  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 3e-3);  // held, it would be 3e-2
+}
+
 TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
   // Events grow fewer over several surfaces, as when a camera slows down.
   const auto tracker = Moving();

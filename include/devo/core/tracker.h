@@ -53,6 +53,8 @@ class Tracker {
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   bool EventsEndedSuddenly() const;
+  /// By what is known of its velocity, not by events.
+  bool IsMoving(std::int64_t t_ns) const;
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   bool Recover(const Surface& surface, AlignmentResult* result);
@@ -72,7 +74,7 @@ class Tracker {
   double usual_activity_hz_ = 0;  // while moving
   std::int64_t last_active_ns_ = 0;
   bool inertial_prior_ = false;     // the last surface was predicted with an inertial sensor
-  bool coasting_ = false;           // events ended while moving
+  bool missing_ = false;            // events ended while moving
   bool coasted_ = false;            // and came back, but the pose has not been found yet
   Rigid3 T_world_before_;           // last pose before tracking degraded
   std::deque<double> activity_hz_;  // of the last surfaces, oldest first

@@ -3,13 +3,15 @@
 
 #include <algorithm>
 
+#include "devo/core/rigid3.h"
 #include "devo/core/time.h"
 
 namespace devo {
 namespace {
 
-constexpr std::size_t kMaxSamples = 4000;         // 2.5 s of the fastest drivers
-constexpr std::int64_t kMaxGap_ns = 50'000'000;   // between samples: the slowest drivers have 50 Hz
+constexpr std::size_t kMaxSamples = 4000;        // 2.5 s of the fastest drivers
+constexpr std::int64_t kMaxGap_ns = 50'000'000;  // between samples: the slowest drivers have 50 Hz
+constexpr double kPushSpan_s = 1;
 constexpr std::int64_t kMaxHold_ns = 15'000'000;  // after the last sample
 
 using Vector = Eigen::Matrix<double, 6, 1>;
@@ -55,6 +57,26 @@ std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int6
   InertialMean result{mean.head<3>(), std::nullopt, samples_.back().p_event_imu};
   if (mean.tail<3>().allFinite()) result.linear_acceleration = mean.tail<3>();
   return result;
+}
+
+std::optional<InertialBuffer::Push> InertialBuffer::MeanPush(std::int64_t t_ns) const {
+  Eigen::Quaterniond q_end_now = Eigen::Quaterniond::Identity();
+  Push push{Eigen::Vector3d::Zero(), 0};
+  for (auto sample = samples_.rbegin(); sample != samples_.rend() && sample + 1 != samples_.rend(); ++sample) {
+    const auto before = sample + 1;
+    const double dt_s = SecondsFromNs(sample->t_ns - before->t_ns);
+    if (sample->t_ns > t_ns) continue;
+    if (dt_s > SecondsFromNs(kMaxGap_ns) || push.span_s > kPushSpan_s) break;
+    const Eigen::Vector3d force = 0.5 * (sample->linear_acceleration + before->linear_acceleration);
+    const Eigen::Vector3d turn = 0.5 * dt_s * (sample->angular_velocity + before->angular_velocity);
+    if (!force.allFinite()) break;
+    push.force += dt_s * (q_end_now * (ExpSO3(-0.5 * turn) * force));
+    q_end_now = q_end_now * ExpSO3(-turn);
+    push.span_s += dt_s;
+  }
+  if (push.span_s <= 0) return std::nullopt;
+  push.force /= push.span_s;
+  return push;
 }
 
 }  // namespace devo

@@ -43,7 +43,7 @@ void Mapper::Reset() {
   poses_.Clear();
   velocity_.setZero();
   event_delay_ns_ = 0;
-  trackable_ = false;
+  trackable_ = begin_chapter_ = false;
   map_.Clear();
   occluder_.reset();
   T_world_local_.reset();
@@ -74,6 +74,8 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
                pose.state == TrackingState::kRecovered;
+  if (trackable_ && !map_.empty() && pose.chapter != map_.chapter()) map_.ReturnTo(pose.chapter);
+  begin_chapter_ = pose.needs_map && pose.chapter == map_.chapter() && !map_.empty();
 }
 
 void Mapper::AddDepth(const DepthImage& depth) {
@@ -172,7 +174,9 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
   } else {
     occluder_.reset();
   }
-  if (surface->still || (!map_.empty() && !trackable_)) return false;
+  if (surface->still) return false;
+  if (begin_chapter_) return BeginChapter(*surface, T_world_event);
+  if (!map_.empty() && !trackable_) return false;
 
   if (!options_.mapping.reuse_references) {
     if (!map_.empty() && !MovedSinceReference(T_world_event)) return false;
@@ -185,6 +189,14 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
   const auto visible = map_.Project(T_world_event, occluder_ ? &*occluder_ : nullptr);
   map_.UpdateSupport(*surface, visible, velocity_);
   return AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
+}
+
+bool Mapper::BeginChapter(const Surface& surface, const Rigid3& T_world_event) {
+  const int left = map_.chapter();
+  map_.BeginChapter();
+  if (AddReference(surface, T_world_event, std::vector<bool>(surface.edges.size(), false))) return true;
+  map_.ReturnTo(left);
+  return false;
 }
 
 bool Mapper::MovedSinceReference(const Rigid3& T_world_event) const {
@@ -201,7 +213,7 @@ bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, c
     if (!explained[i] || i % kExplainedStep != 0) continue;
     if (registration_.DepthAt(surface.edges[i].x, surface.edges[i].y)) explained_with_depth += kExplainedStep;
   }
-  const std::size_t least = map_.empty() ? kMinPointsOfFirst : kMinPoints;
+  const std::size_t least = map_.chapter_empty() ? kMinPointsOfFirst : kMinPoints;
   const auto enough = [&](std::size_t new_points) {
     const auto with_depth = static_cast<double>(new_points + explained_with_depth);
     return new_points >= least && static_cast<double>(new_points) > (1 - options_.mapping.min_coverage) * with_depth;
@@ -254,6 +266,7 @@ LocalMapPtr Mapper::MakeLocalMap() {
   local->t_ns = poses_.empty() ? map_.references().back().t_ns : poses_.last_time_ns();
   local->epoch = epoch_;
   local->id = local_maps_++;
+  local->chapter = map_.chapter();
   const auto visible = map_.Project(local->T_world_ref, occluder_ ? &*occluder_ : nullptr);
   local->points = map_.Select(visible, local->T_world_ref);
   T_world_local_ = local->T_world_ref;

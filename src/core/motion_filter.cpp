@@ -17,7 +17,7 @@ constexpr double kManeuver_s = 0.15;
 // Without events a motion is taken to go on about this long.
 constexpr double kCoast_s = 0.5;
 constexpr double kStartSigma_m = 1e-3, kStartSigma_rad = 1e-3;
-constexpr double kStartSpeed_m_s = 0.5, kStartTurn_rad_s = 0.5;
+constexpr double kStartSpeed_m_s = 1, kStartTurn_rad_s = 1.5;
 constexpr double kStillSpeed_m_s = 0.01, kStillTurn_rad_s = 0.01;
 
 // Consumer parts: bias up to degrees per second when cold, and a mounting known to a degree.
@@ -25,7 +25,8 @@ constexpr double kGravity_m_s2 = 9.81;
 constexpr double kGyroscopeBias_rad_s = 0.05, kGyroscopeSigma_rad_s = 0.005, kGyroscopeShare = 0.01;
 constexpr double kAccelerometerBias_m_s2 = 0.2, kAccelerometerSigma_m_s2 = 0.3, kAccelerometerShare = 0.02;
 constexpr double kGyroscopeWalk_rad_s = 5e-4, kAccelerometerWalk_m_s2 = 5e-3;  // in one second
-constexpr double kGravitySigma_m_s2 = 1.0;  // of the first reading: the camera may be moving
+// Of the mean of the first readings: the camera may be moving, and change its velocity by so much.
+constexpr double kGravitySpeed_m_s = 1, kMinGravitySigma_m_s2 = 0.5, kMaxGravitySigma_m_s2 = 4;
 // Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less.
 constexpr double kMaxNormalisedSquare = 16;
 
@@ -53,7 +54,7 @@ void MotionFilter::Reset() {
   delay_s_ = 0;
 }
 
-void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event) {
+void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event) {
   if (!started_) {
     P_.setZero();
     P_.diagonal().segment<3>(kGyroBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
@@ -63,7 +64,7 @@ void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event) {
   started_ = true;
   t_ns_ = t_ns;
   T_world_event_ = T_world_event;
-  velocity_.setZero();
+  velocity_ = velocity_event;
   acceleration_.setZero();
   P_.topRows<6>().setZero();
   P_.leftCols<6>().setZero();
@@ -152,9 +153,10 @@ void MotionFilter::MoveDelay(double full_step_s, double full_drop_of_variance) {
   P_(kDelay, kDelay) += std::pow(1 - kDelayStep, 2) * full_drop_of_variance;
 }
 
-void MotionFilter::LearnGravity(const Eigen::Vector3d& up_event) {
-  gravity_world_ = -kGravity_m_s2 * (T_world_event_.rotation() * up_event.normalized());
-  P_.diagonal().segment<3>(kGravity).setConstant(std::pow(kGravitySigma_m_s2, 2));
+void MotionFilter::LearnGravity(const Eigen::Vector3d& force_event, double span_s) {
+  gravity_world_ = -kGravity_m_s2 * (T_world_event_.rotation() * force_event.normalized());
+  const double sigma = std::clamp(kGravitySpeed_m_s / span_s, kMinGravitySigma_m_s2, kMaxGravitySigma_m_s2);
+  P_.diagonal().segment<3>(kGravity).setConstant(sigma * sigma);
 }
 
 MotionFilter::Measurement MotionFilter::Turn(const InertialMean& inertial, const MotionFilter& before,
@@ -242,7 +244,7 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
 void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s <= 0) return;
-  if (inertial.linear_acceleration && gravity_world_.isZero()) LearnGravity(*inertial.linear_acceleration);
+  if (inertial.linear_acceleration && !knows_gravity()) LearnGravity(*inertial.linear_acceleration, dt_s);
   const MotionFilter before = *this;
   const Matrix F = Propagate(dt_s);
   t_ns_ = t_ns;
@@ -259,7 +261,7 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
   };
   stand();
   if (!inertial || dt_s <= 0) return;
-  if (inertial->linear_acceleration && gravity_world_.isZero()) LearnGravity(*inertial->linear_acceleration);
+  if (inertial->linear_acceleration && !knows_gravity()) LearnGravity(*inertial->linear_acceleration, dt_s);
   const Rigid3 T_world_event = T_world_event_;
   Correct(*inertial, *this, Matrix::Identity(), dt_s);
   T_world_event_ = T_world_event;

@@ -108,7 +108,7 @@ void Odometry::Step() {
   const SurfacePtr surface = m.surface;
   m.tracked = m.tracking_thread.Run([&m, surface]() -> Tracked {
     const Stopwatch tracking;
-    auto pose = m.tracker.Track(*surface);
+    auto pose = m.tracker.Track(surface);
     return {std::move(pose), tracking.ms()};
   });
   m.mapped.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked]() -> Mapped {

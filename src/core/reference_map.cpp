@@ -31,6 +31,7 @@ ReferenceMap::ReferenceMap(const Camera& camera, const MappingOptions& options) 
 int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points) {
   Reference reference;
   reference.id = next_id_++;
+  reference.chapter = chapter_;
   reference.t_ns = t_ns;
   reference.T_world_ref = T_world_ref;
   reference.center_ref.setZero();
@@ -62,6 +63,11 @@ void ReferenceMap::ForgetBeyondBudget() {
   }
 }
 
+bool ReferenceMap::chapter_empty() const {
+  return std::none_of(references_.begin(), references_.end(),
+                      [this](const Reference& reference) { return reference.chapter == chapter_; });
+}
+
 bool ReferenceMap::InView(const Reference& reference, const Rigid3& T_event_ref) const {
   const Eigen::Vector3d center = T_event_ref * reference.center_ref.cast<double>();
   const double radius = reference.radius_m;
@@ -82,7 +88,7 @@ std::vector<ReferenceMap::Visible> ReferenceMap::Project(const Rigid3& T_world_e
   for (std::size_t k = 0; k < references_.size(); ++k) {
     const Reference& reference = references_[k];
     const Rigid3 T_event_ref = T_world_event.inverse() * reference.T_world_ref;
-    if (!InView(reference, T_event_ref)) continue;
+    if (reference.chapter != chapter_ || !InView(reference, T_event_ref)) continue;
     const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
     const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
     const Rigid3 T_occluder_ref = occluder ? occluder->T_world_event.inverse() * reference.T_world_ref : Rigid3();

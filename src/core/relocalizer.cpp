@@ -55,6 +55,7 @@ void Relocalizer::Clear() {
 
 void Relocalizer::Remember(const LocalMapPtr& map) {
   for (LocalMapPtr& place : places_) {
+    if (place->chapter != map->chapter) continue;
     const Rigid3 T_place_map = place->T_world_ref.inverse() * map->T_world_ref;
     if (T_place_map.translation().norm() > kSameView_m || RotationAngle(T_place_map) > kSameView_rad) continue;
     place = map;  // the newer map of a view has more of it

@@ -24,6 +24,11 @@ constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
 constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing, or far less than usual
+// Lost for this long while there are events, the view is most likely a new one.
+constexpr double kGiveUp_s = 1;
+// Two poses found within this time tell the velocity.
+constexpr double kStartsTogether_s = 0.1;
+constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
 constexpr double kLostShareOfUsual = 0.4;
 // A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
 constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
@@ -51,8 +56,31 @@ void Tracker::SetOptions(const OdometryOptions& options) {
 }
 
 void Tracker::SetMap(LocalMapPtr map) {
+  relocalizer_.Remember(map);
+  if (map_ && map->epoch == map_->epoch && map->chapter != map_->chapter) {
+    if (state_ != TrackingState::kLost) return;
+    BeginChapter(*map);
+  }
   map_ = std::move(map);
-  relocalizer_.Remember(map_);
+}
+
+void Tracker::BeginChapter(const LocalMap& map) {
+  chapter_covariance_.resize(static_cast<std::size_t>(map.chapter) + 1, Matrix6d::Zero());
+  if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
+  StartAt(map.t_ns, map.T_world_ref);
+  last_found_ns_ = map.t_ns;
+  usual_share_ = 0.5;
+  begun_ = coasted_ = unsure_ = follow_ = true;
+}
+
+void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event) {
+  const double since_s = SecondsFromNs(t_ns - started_ns_);
+  Vector6d velocity = Vector6d::Zero();
+  if (since_s > 0 && since_s < kStartsTogether_s) velocity = Log(T_world_started_.inverse() * T_world_event) / since_s;
+  motion_.Start(t_ns, T_world_event, velocity);
+  history_.Clear();
+  started_ns_ = t_ns;
+  T_world_started_ = T_world_event;
 }
 
 void Tracker::Reset() {
@@ -64,7 +92,9 @@ void Tracker::Reset() {
   state_ = TrackingState::kInitialising;
   bad_in_a_row_ = suspicious_in_a_row_ = 0;
   usual_share_ = 0.5;
-  missing_ = coasted_ = inertial_prior_ = false;
+  missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = false;
+  chapter_covariance_.clear();
+  follow_ = false;
   activity_hz_.clear();
   usual_activity_hz_ = 0;
 }
@@ -86,7 +116,10 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     epoch_ = surface.epoch;
   }
   if (!map_ || map_->epoch != surface.epoch) return std::nullopt;
-  if (!motion_.started()) motion_.Start(map_->t_ns, map_->T_world_ref);
+  if (!motion_.started()) {
+    BeginChapter(*map_);
+    if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
+  }
 
   PoseEstimate pose;
   pose.t_ns = surface.t_ns;
@@ -112,6 +145,9 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   }
   activity_hz_.push_back(surface.activity_hz);
   if (static_cast<int>(activity_hz_.size()) > Surfaces(kActivitySpan_s)) activity_hz_.pop_front();
+  if (state_ != TrackingState::kLost || surface.still) last_found_ns_ = surface.t_ns;
+  pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
+  pose.chapter = map_->chapter;
   pose.state = state_;
   pose.t_edges_ns = motion_.time_ns();
   pose.T_world_event_edges = motion_.pose();
@@ -125,6 +161,27 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.T_world_event = surface.still && !coasting ? motion_.pose() : now.T_world_event;
   pose.velocity_event = MeanVelocity();
   pose.covariance_event = now.covariance;
+  const auto chapter = static_cast<std::size_t>(pose.chapter);
+  if (chapter < chapter_covariance_.size()) pose.covariance_event += chapter_covariance_[chapter];
+  return pose;
+}
+
+std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
+  if (!waiting_.empty() && waiting_.back()->epoch != surface->epoch) waiting_.clear();
+  if (map_ && (follow_ || !motion_.started())) {
+    for (const SurfacePtr& earlier : waiting_) {
+      if (earlier->epoch == map_->epoch && earlier->t_edges_ns > map_->t_ns) Track(*earlier);
+    }
+    follow_ = false;
+    waiting_.clear();
+  }
+  auto pose = Track(*surface);
+  if (!pose || pose->state == TrackingState::kLost) {
+    waiting_.push_back(surface);
+    if (static_cast<int>(waiting_.size()) > Surfaces(kMaxWait_s)) waiting_.pop_front();
+  } else {
+    waiting_.clear();
+  }
   return pose;
 }
 
@@ -167,7 +224,7 @@ void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
 
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // While lost, velocities are guesses: nothing is built on them.
-  const bool lost = state_ == TrackingState::kLost;
+  const bool lost = state_ == TrackingState::kLost && !begun_;
   inertial_prior_ = !lost && Advance(surface.t_edges_ns, &motion_);
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   PosePrior prior;
@@ -186,10 +243,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  if (suspicious && (coasted_ || suspicious_in_a_row_ % search_every == search_every - 1) &&
-      Recover(surface, &result)) {
-    motion_.Start(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
-    history_.Clear();
+  const bool search = unsure_ || (suspicious && (coasted_ || suspicious_in_a_row_ % search_every == search_every - 1));
+  unsure_ = false;
+  if (search && Recover(surface, &result)) {
+    StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
@@ -204,6 +261,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   pose->mean_residual_px = result.mean_residual_px;
   pose->iterations = result.iterations;
   coasted_ = coasted_ && suspicious;
+  begun_ = begun_ && suspicious;
   UpdateState(pose);
 }
 

@@ -46,6 +46,7 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
   covariances_.push_back(estimate.covariance_event);
   event_delay_s_ = estimate.event_delay_s;
+  chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
 
 double RunReport::Coverage(std::int64_t end) const {
@@ -62,6 +63,7 @@ std::string RunReport::ToJson() const {
   json["warnings"] = warnings;
   json["poses"] = trajectory_.size();
   json["coverage"] = Coverage(end_ns);
+  json["chapters"] = chapters_;
   json["event_delay_ms"] = 1e3 * event_delay_s_;
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,
                            TrackingState::kLost, TrackingState::kRecovered}) {

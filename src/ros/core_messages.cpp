@@ -146,6 +146,8 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
     for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
   }
   stream.next(estimate.event_delay_s);
+  stream.next(static_cast<std::int32_t>(estimate.chapter));
+  stream.next(static_cast<std::uint8_t>(estimate.needs_map));
   stream.next(static_cast<std::uint8_t>(estimate.state));
   stream.next(static_cast<std::int32_t>(estimate.reference_id));
   stream.next(static_cast<std::int32_t>(estimate.points_used));
@@ -165,6 +167,10 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
     for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
   }
   stream.next(estimate.event_delay_s);
+  stream.next(estimate.chapter);
+  std::uint8_t needs_map = 0;
+  stream.next(needs_map);
+  estimate.needs_map = needs_map != 0;
   std::uint8_t state = 0;
   stream.next(state);
   if (state > static_cast<std::uint8_t>(TrackingState::kRecovered)) {
@@ -183,6 +189,7 @@ void WriteMessage(Stream& stream, const LocalMap& map) {
   stream.next(ToRosTime(map.t_ns));
   stream.next(map.epoch);
   stream.next(static_cast<std::int32_t>(map.id));
+  stream.next(static_cast<std::int32_t>(map.chapter));
   WritePose(stream, map.T_world_ref);
   WriteArray(stream, map.points);
 }
@@ -191,6 +198,7 @@ void ReadMessage(IStream& stream, LocalMap& map) {
   map.t_ns = FromRosTime(ReadTime(stream));
   stream.next(map.epoch);
   stream.next(map.id);
+  stream.next(map.chapter);
   map.T_world_ref = ReadPose(stream);
   ReadArray(stream, map.points);
 }

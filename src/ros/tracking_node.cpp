@@ -178,7 +178,7 @@ bool TrackingNode::Step() {
     if (imu_) {
       for (const ImuSample& sample : imu_->TakeUntil(surface->t_ns)) tracker_->AddImu(sample);
     }
-    const std::optional<PoseEstimate> pose = tracker_->Track(*surface);
+    const std::optional<PoseEstimate> pose = tracker_->Track(ToStd(surface));
     Answer(*surface, pose, 1e3 * (ros::WallTime::now() - begin).toSec());
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
@@ -281,6 +281,7 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.add("oldest poses forgotten", forgotten_);
   if (imu_) imu_->Fill(status);
   status.addf("pose rate (Hz of data time)", "%.1f", pose_rate_.Hz());
+  status.add("chapter of the map", last_.chapter);
   status.add("reference", last_.reference_id);
   status.add("points used", last_.points_used);
   status.addf("matched share", "%.2f", last_.inlier_share);

@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include "devo/core/rigid3.h"
+
 namespace devo {
 namespace {
 
@@ -45,6 +47,19 @@ TEST(InertialBuffer, HoldsTheLastSampleForAMoment) {
   const auto mean = Growing().Mean(95 * kMs, 110 * kMs);
   ASSERT_TRUE(mean);
   EXPECT_NEAR(mean->angular_velocity.x(), (5 * 0.0975 + 10 * 0.1) / 15, 1e-9);
+}
+
+TEST(InertialBuffer, TurnsThePushOfTheLastSecondIntoTheFrameOfItsEnd) {
+  // Two seconds of turning about x by 1 rad/s under gravity: in the end only gravity is left, not its circle.
+  const Vector3d turn(1, 0, 0);
+  const auto force = [&](int ms) -> Vector3d { return ExpSO3(-1e-3 * ms * turn) * Vector3d(0, 0, 9.8); };
+  InertialBuffer buffer;
+  EXPECT_FALSE(buffer.MeanPush(2000 * kMs));
+  for (int ms = 0; ms <= 2500; ms += 5) buffer.Add(At(ms * kMs, turn, force(ms)));
+  const auto push = buffer.MeanPush(2000 * kMs);
+  ASSERT_TRUE(push);
+  EXPECT_NEAR(push->span_s, 1, 0.02);
+  EXPECT_LT((push->force - force(2000)).norm(), 0.02);
 }
 
 TEST(InertialBuffer, HasNoMeanAcrossAGap) {

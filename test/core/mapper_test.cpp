@@ -241,6 +241,31 @@ TEST(Mapper, AddsNothingWhileTrackingIsLost) {
   EXPECT_EQ(mapper.counters().references, 1U);
 }
 
+TEST(Mapper, BeginsAChapterAtTheGuessedPoseWhenTrackingAsksForItAndReturnsWithIt) {
+  Mapper mapper = WithFirstReference();
+  const Rigid3 guess = Rigid3::Translation({0.5, 0, 0});
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 80)));
+  PoseEstimate lost = PoseAt(200 * kMs, guess);
+  lost.state = TrackingState::kLost;
+  lost.needs_map = true;
+  mapper.AddPose(lost);
+  mapper.AddDepth(Wall(200 * kMs));
+  const auto begun = mapper.Update();
+  ASSERT_TRUE(begun);
+  EXPECT_EQ(begun->chapter, 1);
+  EXPECT_THAT(begun->points, SizeIs(400));
+  EXPECT_LT(Log(guess.inverse() * begun->T_world_ref).norm(), 1e-9);
+  EXPECT_THAT(mapper.GlobalMap(), SizeIs(800));
+
+  // Tracking found the first chapter again instead.
+  mapper.AddSurface(SurfaceAt(300 * kMs, Edges(400, 16)));
+  mapper.AddPose(PoseAt(300 * kMs));
+  const auto returned = mapper.Update();
+  ASSERT_TRUE(returned);
+  EXPECT_EQ(returned->chapter, 0);
+  EXPECT_THAT(returned->points, SizeIs(400));
+}
+
 TEST(Mapper, ComposesTheLocalMapAnewWhenTheViewHasMovedOn) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));

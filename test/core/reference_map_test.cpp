@@ -219,6 +219,20 @@ TEST(ReferenceMap, GivesSelectedPointsInTheFrameOfTheViewAndAllPointsInWorld) {
   EXPECT_LT((T_world_view * selected[0].p_ref.cast<double>() - in_world).norm(), 1e-5);
 }
 
+TEST(ReferenceMap, SeesOnlyTheReferencesOfItsChapterAndKeepsTheOthers) {
+  ReferenceMap map = MapOf({PointAt(50, 40, 2)});
+  map.BeginChapter();
+  EXPECT_TRUE(map.chapter_empty());
+  EXPECT_THAT(map.Project(Rigid3(), nullptr), IsEmpty());
+  map.Add(2, Rigid3(), {PointAt(90, 60, 2), PointAt(100, 60, 2)});
+  EXPECT_THAT(map.Project(Rigid3(), nullptr), SizeIs(2));
+  EXPECT_THAT(map.AllPoints(), SizeIs(3));
+  map.ReturnTo(0);
+  EXPECT_THAT(map.Project(Rigid3(), nullptr), SizeIs(1));
+  map.BeginChapter();
+  EXPECT_EQ(map.chapter(), 2);
+}
+
 TEST(ReferenceMap, ForgetsTheReferenceThatWasOutOfViewForLongestWhenItIsFull) {
   const Camera camera(100, 80, 100, 100, 49.5, 39.5, "", {});
   MappingOptions options;

@@ -75,6 +75,25 @@ TEST(Tracker, IgnoresAMapOfAnotherEpoch) {
   EXPECT_FALSE(tracker.Track(Seen(kPeriod_ns, Rigid3())));
 }
 
+TEST(Tracker, FollowsACameraInMotionFromTheTimeOfAFirstMapThatComesLate) {
+  Vector6d fast;
+  fast << 2, -1, 1, 0.3, 1.2, -1.3;
+  const auto at = [&](int k) { return Exp(fast * SecondsFromNs(k * kPeriod_ns)); };
+  Tracker waiting(TestCamera(), OdometryOptions()), sudden(TestCamera(), OdometryOptions());
+  const auto last = std::make_shared<const Surface>(Seen(10 * kPeriod_ns, at(10)));
+  for (int k = 1; k < 10; ++k) {
+    EXPECT_FALSE(waiting.Track(std::make_shared<const Surface>(Seen(k * kPeriod_ns, at(k)))));
+  }
+  for (Tracker* tracker : {&waiting, &sudden}) {
+    tracker->SetMap(Map());  // of the time 0
+    ASSERT_TRUE(tracker->Track(last));
+  }
+  const auto pose = waiting.Track(std::make_shared<const Surface>(Seen(11 * kPeriod_ns, at(11))));
+  EXPECT_LT(Log(at(11).inverse() * pose->T_world_event).norm(), 3e-3);
+  EXPECT_LT((waiting.MeanVelocity() - fast).norm(), 0.3);
+  EXPECT_GT((sudden.MeanVelocity() - fast).norm(), 1);
+}
+
 TEST(Tracker, ForgetsItsMapWhenANewEpochBegins) {
   const auto tracker = Moving();
   Surface surface = Seen(kPeriod_ns, Rigid3());
@@ -287,6 +306,58 @@ TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
     ASSERT_TRUE(pose->T_world_event.IsFinite() && pose->covariance_event.allFinite()) << k;
   }
   EXPECT_EQ(pose->state, TrackingState::kLost);
+}
+
+/// Segments that have nothing to do with those of Map().
+LocalMapPtr ElsewhereMap(int chapter) {
+  auto map = std::make_shared<LocalMap>(*Map());
+  map->chapter = chapter;
+  map->points = SegmentScene(77, 1.5);
+  return map;
+}
+
+Surface SeenElsewhere(std::int64_t t_ns) {
+  Surface surface = SegmentsSeen(ElsewhereMap(0)->points, Rigid3());
+  surface.t_ns = surface.t_edges_ns = t_ns;
+  surface.activity_hz = 5;
+  return surface;
+}
+
+TEST(Tracker, AsksForANewMapInAnUnknownViewAndGoesOnInItsChapterWithoutCertaintyOfTheWay) {
+  const auto tracker = Moving();
+  std::optional<PoseEstimate> pose;
+  std::int64_t t_ns = kNow_ns;
+  for (int k = 0; k < 100; ++k) pose = tracker->Track(SeenElsewhere(t_ns += kPeriod_ns));
+  ASSERT_EQ(pose->state, TrackingState::kLost);
+  EXPECT_FALSE(pose->needs_map);
+  for (int k = 0; k < 50; ++k) pose = tracker->Track(SeenElsewhere(t_ns += kPeriod_ns));
+  ASSERT_TRUE(pose->needs_map);
+  EXPECT_EQ(pose->chapter, 0);
+
+  auto map = std::make_shared<LocalMap>(*ElsewhereMap(1));
+  map->t_ns = t_ns;
+  map->T_world_ref = pose->T_world_event;
+  tracker->SetMap(map);
+  bool recovered = false;
+  for (int k = 0; k < 10; ++k) {
+    pose = tracker->Track(SeenElsewhere(t_ns += kPeriod_ns));
+    recovered |= pose->state == TrackingState::kRecovered;
+  }
+  EXPECT_TRUE(recovered);
+  EXPECT_EQ(pose->state, TrackingState::kTracking);
+  EXPECT_EQ(pose->chapter, 1);
+  EXPECT_FALSE(pose->needs_map);
+  EXPECT_LT(Log(map->T_world_ref.inverse() * pose->T_world_event).norm(), 2e-3);
+  EXPECT_GT(pose->covariance_event(0, 0), 0.01);  // where the chapter began was a guess
+}
+
+TEST(Tracker, OnlyRemembersAMapOfAnotherChapterWhileItIsNotLost) {
+  const auto tracker = Moving();
+  tracker->SetMap(ElsewhereMap(1));
+  const auto pose = tracker->Track(Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns)));
+  EXPECT_EQ(pose->chapter, 0);
+  EXPECT_EQ(pose->state, TrackingState::kTracking);
+  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
 }
 
 }  // namespace

@@ -60,6 +60,8 @@ PoseEstimate SomePose() {
   estimate.inlier_share = 0.75;
   estimate.mean_residual_px = 0.3;
   estimate.event_delay_s = 0.004;
+  estimate.chapter = 2;
+  estimate.needs_map = true;
   estimate.iterations = 8;
   return estimate;
 }
@@ -149,6 +151,8 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.inlier_share, 0.75);
   EXPECT_DOUBLE_EQ(message.mean_residual_px, 0.3);
   EXPECT_DOUBLE_EQ(message.event_delay_s, 0.004);
+  EXPECT_EQ(message.chapter, 2);
+  EXPECT_TRUE(message.needs_map);
   EXPECT_EQ(message.iterations, 8);
   const auto bytes = Bytes(estimate);
   const auto read = FromBytes<PoseEstimate>(bytes);
@@ -164,6 +168,7 @@ TEST(CoreMessages, ALocalMapReadAsItsMessageHasTheSameContent) {
   map.t_ns = 5;
   map.epoch = 1;
   map.id = 17;
+  map.chapter = 3;
   map.T_world_ref = Rigid3::Translation({0, 0, 2});
   map.points.resize(3);
   map.points[2].p_ref = {1, 2, 3};

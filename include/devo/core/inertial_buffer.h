@@ -29,6 +29,14 @@ class InertialBuffer {
   /// events). Empty where the samples leave a part of the span open.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
 
+  struct Push {
+    Eigen::Vector3d force;  ///< mean specific force, m/s^2, event frame at the end of the span
+    double span_s;
+  };
+  /// Mean over up to a second until `t_ns`, each reading turned into the frame of the end by the gyroscope: mostly
+  /// gravity, as velocities do not grow for long. Empty without an accelerometer or before the second sample.
+  std::optional<Push> MeanPush(std::int64_t t_ns) const;
+
   void Clear() { samples_.clear(); }
 
  private:

@@ -26,7 +26,8 @@ struct MapPoint {
 struct LocalMap {
   std::int64_t t_ns = 0;  ///< time of the view that it was composed for
   std::uint64_t epoch = 0;
-  int id = 0;  ///< counts local maps, 0 is the first
+  int id = 0;       ///< counts local maps, 0 is the first
+  int chapter = 0;  ///< counts beginnings: where tracking was lost for good, a new map began at a guessed pose
   Rigid3 T_world_ref;
   std::vector<MapPoint> points;
 };

@@ -80,6 +80,8 @@ class Mapper {
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   bool MovedSinceReference(const Rigid3& T_world_event) const;
   bool ViewMoved() const;
+  /// Returns whether there were enough edges with depth for it.
+  bool BeginChapter(const Surface& surface, const Rigid3& T_world_event);
   MapPoint MakePoint(const EdgePoint& edge, float z_m, double window_s) const;
   LocalMapPtr MakeLocalMap();
 
@@ -96,7 +98,7 @@ class Mapper {
   PoseHistory poses_;
   std::int64_t event_delay_ns_ = 0;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
-  bool trackable_ = false;
+  bool trackable_ = false, begin_chapter_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
   bool options_changed_ = false;                    // since the last local map

@@ -26,9 +26,9 @@ class MotionFilter {
 
   void SetOptions(const TrackingOptions& options) { options_ = options; }
 
-  /// Starts at rest (to within a walking pace and a slow turn) at a pose known to a millimetre and milliradian. What is
-  /// known of gravity and biases stays.
-  void Start(std::int64_t t_ns, const Rigid3& T_world_event);
+  /// Starts with a velocity [v; omega] of and in the event frame, by default at rest (to within a brisk walk and a
+  /// turn), at a pose known to a millimetre and milliradian. What is known of gravity and biases stays.
+  void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero());
 
   struct Prediction {
     Rigid3 T_world_event;
@@ -43,8 +43,12 @@ class MotionFilter {
   /// found it, and the measurement's information on a right perturbation of it (without the prior).
   void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information);
 
-  /// Goes on to `t_ns` with what an inertial sensor read since the last update. The first accelerometer's reading
-  /// tells which way is down.
+  /// Which way is down, from the mean specific force (m/s^2, event frame) over `span_s` before: the longer, the less a
+  /// change of velocity counts in it. To be called once, before Advance, which otherwise takes its first reading.
+  void LearnGravity(const Eigen::Vector3d& force_event, double span_s);
+  bool knows_gravity() const { return !gravity_world_.isZero(); }
+
+  /// Goes on to `t_ns` with what an inertial sensor read since the last update.
   void Advance(std::int64_t t_ns, const InertialMean& inertial);
 
   /// The camera is known to stand still; what an inertial sensor reads then is its bias and gravity.
@@ -83,7 +87,6 @@ class MotionFilter {
   Matrix Propagate(double dt_s);
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
   void MoveDelay(double full_step_s, double full_drop_of_variance);
-  void LearnGravity(const Eigen::Vector3d& up_event);
   Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
   Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
 

@@ -59,6 +59,13 @@ class ReferenceMap {
   /// `T_world_ref`; of several in one place, those that proved themselves.
   std::vector<MapPoint> Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const;
 
+  /// References of the chapters so far are kept, but no longer seen: where they are to the new ones is not known.
+  void BeginChapter() { chapter_ = ++last_chapter_; }
+  /// To one that was begun before.
+  void ReturnTo(int chapter) { chapter_ = chapter; }
+  int chapter() const { return chapter_; }
+  bool chapter_empty() const;
+
   /// All points, frame `world`.
   std::vector<MapPoint> AllPoints() const;
 
@@ -70,13 +77,14 @@ class ReferenceMap {
     std::vector<float> expected, met;  // support of each point
     Eigen::Vector3f center_ref;        // sphere around the points
     float radius_m;
+    int chapter;
     std::uint64_t last_seen;  // in which call of UpdateSupport or Add
   };
   const std::vector<Reference>& references() const { return references_; }
   bool empty() const { return references_.empty(); }
   void Clear() {
     references_.clear();
-    next_id_ = 0;
+    next_id_ = chapter_ = last_chapter_ = 0;
   }
 
  private:
@@ -87,7 +95,7 @@ class ReferenceMap {
   Camera camera_;
   MappingOptions options_;
   std::vector<Reference> references_;
-  int next_id_ = 0;
+  int next_id_ = 0, chapter_ = 0, last_chapter_ = 0;
   std::uint64_t calls_ = 0;
 };
 

@@ -6,6 +6,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "devo/core/alignment.h"
 #include "devo/core/camera.h"
@@ -29,7 +30,8 @@ class Tracker {
   /// Other options from the next surface on; map and motion so far stay.
   void SetOptions(const OdometryOptions& options);
 
-  /// The map to register to from now on. Maps of another epoch than the surfaces' are ignored.
+  /// The map to register to from now on. Maps of another epoch than the surfaces' are ignored; one of another chapter
+  /// is only remembered as a place, unless tracking is lost.
   void SetMap(LocalMapPtr map);
 
   /// An inertial sensor's sample, optional; before the surfaces later than it.
@@ -39,6 +41,10 @@ class Tracker {
   /// time; one of a new epoch resets the tracker.
   std::optional<PoseEstimate> Track(const Surface& surface);
 
+  /// The same. Surfaces that come before a first map, or the first of a new chapter, are kept for a moment: when the
+  /// map comes, some of them are later than it, and a camera in motion is followed through them to now.
+  std::optional<PoseEstimate> Track(const SurfacePtr& surface);
+
   /// Velocity for compensating the next surface: [v; omega], m/s and rad/s, of and in the event frame. Zero
   /// before there are poses.
   Vector6d MeanVelocity() const;
@@ -46,6 +52,9 @@ class Tracker {
   void Reset();
 
  private:
+  /// At the pose of its first map, of which it is not known how fast the camera moves.
+  void BeginChapter(const LocalMap& map);
+  void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
   void Register(const Surface& surface, PoseEstimate* pose);
   /// With the inertial sensor's readings up to then; false: there are none.
   std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;
@@ -73,11 +82,19 @@ class Tracker {
   double usual_share_ = 0.5;      // of matched points while tracking
   double usual_activity_hz_ = 0;  // while moving
   std::int64_t last_active_ns_ = 0;
-  bool inertial_prior_ = false;     // the last surface was predicted with an inertial sensor
-  bool missing_ = false;            // events ended while moving
-  bool coasted_ = false;            // and came back, but the pose has not been found yet
-  Rigid3 T_world_before_;           // last pose before tracking degraded
-  std::deque<double> activity_hz_;  // of the last surfaces, oldest first
+  std::int64_t last_found_ns_ = 0;  // when tracking was not lost, or a chapter began
+  std::int64_t started_ns_ = 0;     // when motion_ was last started at a known pose, and that pose
+  Rigid3 T_world_started_;
+  std::deque<SurfacePtr> waiting_;  // surfaces of the last moment without a map that helps
+  bool follow_ = false;             // them through the map that has come
+  bool unsure_ = false;             // the next pose may be anywhere about the prediction: a better one is sought
+  bool begun_ = false;              // a chapter, in which no pose has been found yet
+  std::vector<Matrix6d> chapter_covariance_;  // of where each chapter began
+  bool inertial_prior_ = false;               // the last surface was predicted with an inertial sensor
+  bool missing_ = false;                      // events ended while moving
+  bool coasted_ = false;                      // and came back, but the pose has not been found yet
+  Rigid3 T_world_before_;                     // last pose before tracking degraded
+  std::deque<double> activity_hz_;            // of the last surfaces, oldest first
 };
 
 }  // namespace devo

@@ -56,6 +56,7 @@ class RunReport {
   double rate_hz_;
   Trajectory trajectory_;
   std::vector<Matrix6d> covariances_;
+  int chapters_ = 0;
   double event_delay_s_ = 0;  // of the last pose
   std::vector<Interval> lost_;
   bool lost_now_ = false;

@@ -38,8 +38,9 @@ constexpr double kUsualForgets_s = 0.5;
 // kActivitySpan_s, it is the events that are missing.
 constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
 constexpr double kMaxCoast_s = 1;
-// Where a motion turns round slowly, events become too few to see it, for a moment.
-constexpr double kMaxUnseen_s = 0.15;
+// Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
+// trusted that may be an error of a camera at rest.
+constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1, kSlow_rad_s = 0.1;
 constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
 constexpr double kActivitySpan_s = 0.03;
 
@@ -128,7 +129,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   missing_ = surface.still && (missing_ || EventsEndedSuddenly()) && unseen_s < kMaxCoast_s;
-  const bool coasting = missing_ || (surface.still && unseen_s < kMaxUnseen_s && IsMoving(surface.t_edges_ns));
+  const bool coasting = missing_ || (surface.still && unseen_s < kMaxCoast_s && IsMoving(surface.t_edges_ns, unseen_s));
   if (surface.t_edges_ns > motion_.time_ns()) {
     if (!surface.still) {
       Register(surface, &pose);
@@ -201,11 +202,14 @@ bool Tracker::EventsEndedSuddenly() const {
          activity_hz_.front() > kSuddenShare * usual_activity_hz_;
 }
 
-bool Tracker::IsMoving(std::int64_t t_ns) const {
+bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
   const auto now = ahead.Predict(t_ns);
+  const bool slow =
+      now.velocity_event.head<3>().norm() < kSlow_m_s && now.velocity_event.tail<3>().norm() < kSlow_rad_s;
+  if (slow && unseen_s > kMaxUnseen_s) return false;
   return now.velocity_event.dot(now.velocity_covariance.ldlt().solve(now.velocity_event)) > kClearlyMoving;
 }
 

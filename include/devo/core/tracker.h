@@ -63,7 +63,7 @@ class Tracker {
   int Surfaces(double span_s) const;
   bool EventsEndedSuddenly() const;
   /// By what is known of its velocity, not by events.
-  bool IsMoving(std::int64_t t_ns) const;
+  bool IsMoving(std::int64_t t_ns, double unseen_s) const;
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   bool Recover(const Surface& surface, AlignmentResult* result);

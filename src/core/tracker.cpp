@@ -24,25 +24,24 @@ constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
 constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing, or far less than usual
-// Lost for this long while there are events, the view is most likely a new one.
-constexpr double kGiveUp_s = 1;
-// Two poses found within this time tell the velocity.
-constexpr double kStartsTogether_s = 0.1;
-constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
 constexpr double kLostShareOfUsual = 0.4;
+constexpr double kFirstUsualShare = 0.5, kUsualForgets_s = 0.5;
 // A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
 constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
-constexpr double kUsualForgets_s = 0.5;
+// Lost for this long while there are events, the view is most likely a new one.
+constexpr double kGiveUp_s = 1;
+constexpr double kStartsTogether_s = 0.1;  // two poses found within this time tell the velocity
+constexpr double kMaxWait_s = 0.15;        // a map is made in less, depth's way through a driver included
 // A camera slows down over several surfaces; where this many times the events of a standstill end within
 // kActivitySpan_s, it is the events that are missing.
 constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
+constexpr double kActivitySpan_s = 0.03;
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
 constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1, kSlow_rad_s = 0.1;
 constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
-constexpr double kActivitySpan_s = 0.03;
 
 }  // namespace
 
@@ -70,7 +69,7 @@ void Tracker::BeginChapter(const LocalMap& map) {
   if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
   StartAt(map.t_ns, map.T_world_ref);
   last_found_ns_ = map.t_ns;
-  usual_share_ = 0.5;
+  usual_share_ = kFirstUsualShare;
   begun_ = coasted_ = unsure_ = follow_ = true;
 }
 
@@ -92,10 +91,11 @@ void Tracker::Reset() {
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
   bad_in_a_row_ = suspicious_in_a_row_ = 0;
-  usual_share_ = 0.5;
-  missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = false;
+  usual_share_ = kFirstUsualShare;
+  missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = false;
   chapter_covariance_.clear();
-  follow_ = false;
+  started_ns_ = 0;
+  T_world_started_ = Rigid3();
   activity_hz_.clear();
   usual_activity_hz_ = 0;
 }
@@ -124,7 +124,6 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
 
   PoseEstimate pose;
   pose.t_ns = surface.t_ns;
-  pose.t_edges_ns = surface.t_edges_ns;
   pose.epoch = surface.epoch;
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
@@ -140,31 +139,39 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     }
     history_.Add(motion_.time_ns(), motion_.pose());
   }
+  NoteActivity(surface);
+  if (state_ != TrackingState::kLost || surface.still) last_found_ns_ = surface.t_ns;
+  pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
+  pose.chapter = map_->chapter;
+  pose.state = state_;
+  ContinueToNow(surface.still && !coasting, &pose);
+  return pose;
+}
+
+void Tracker::NoteActivity(const Surface& surface) {
   if (!surface.still) {
     usual_activity_hz_ += (surface.activity_hz - usual_activity_hz_) / (kUsualForgets_s * options_.surface.rate_hz);
     last_active_ns_ = surface.t_ns;
   }
   activity_hz_.push_back(surface.activity_hz);
   if (static_cast<int>(activity_hz_.size()) > Surfaces(kActivitySpan_s)) activity_hz_.pop_front();
-  if (state_ != TrackingState::kLost || surface.still) last_found_ns_ = surface.t_ns;
-  pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
-  pose.chapter = map_->chapter;
-  pose.state = state_;
-  pose.t_edges_ns = motion_.time_ns();
-  pose.T_world_event_edges = motion_.pose();
+}
+
+void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
+  pose->t_edges_ns = motion_.time_ns();
+  pose->T_world_event_edges = motion_.pose();
   MotionFilter ahead = motion_;
   // Late events show where the camera was. An inertial sensor is never early, but may be late: that says nothing of
   // them.
-  pose.event_delay_s = std::max(0.0, motion_.delay_s());
-  const std::int64_t t_shown_ns = surface.t_ns + NsFromSeconds(pose.event_delay_s);
+  pose->event_delay_s = std::max(0.0, motion_.delay_s());
+  const std::int64_t t_shown_ns = pose->t_ns + NsFromSeconds(pose->event_delay_s);
   Advance(t_shown_ns, &ahead);
   const auto now = ahead.Predict(t_shown_ns);
-  pose.T_world_event = surface.still && !coasting ? motion_.pose() : now.T_world_event;
-  pose.velocity_event = MeanVelocity();
-  pose.covariance_event = now.covariance;
-  const auto chapter = static_cast<std::size_t>(pose.chapter);
-  if (chapter < chapter_covariance_.size()) pose.covariance_event += chapter_covariance_[chapter];
-  return pose;
+  pose->T_world_event = held ? motion_.pose() : now.T_world_event;
+  pose->velocity_event = MeanVelocity();
+  pose->covariance_event = now.covariance;
+  const auto chapter = static_cast<std::size_t>(pose->chapter);
+  if (chapter < chapter_covariance_.size()) pose->covariance_event += chapter_covariance_[chapter];
 }
 
 std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {

@@ -26,15 +26,15 @@ class MotionFilter {
 
   void SetOptions(const TrackingOptions& options) { options_ = options; }
 
-  /// Starts with a velocity [v; omega] of and in the event frame, by default at rest (to within a brisk walk and a
-  /// turn), at a pose known to a millimetre and milliradian. What is known of gravity and biases stays.
+  /// Starts with a velocity [v; omega] of and in the event frame, by default at rest (to within a walking
+  /// pace and a slow turn), at a pose known to a millimetre and milliradian. What is known of gravity and biases stays.
   void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero());
 
   struct Prediction {
     Rigid3 T_world_event;
-    Vector6d velocity_event;  ///< [v; omega], m/s and rad/s
-    Matrix6d velocity_covariance;
-    Matrix6d covariance;  ///< of a right perturbation [rho; phi] of T_world_event, m and rad
+    Vector6d velocity_event;       ///< [v; omega], m/s and rad/s
+    Matrix6d velocity_covariance;  ///< of velocity_event
+    Matrix6d covariance;           ///< of a right perturbation [rho; phi] of T_world_event, m and rad
   };
   /// At a time at or after the last update.
   Prediction Predict(std::int64_t t_ns) const;

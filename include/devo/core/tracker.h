@@ -52,12 +52,16 @@ class Tracker {
   void Reset();
 
  private:
-  /// At the pose of its first map, of which it is not known how fast the camera moves.
+  /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
+  void NoteActivity(const Surface& surface);
+  /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
+  void ContinueToNow(bool held, PoseEstimate* pose) const;
   void Register(const Surface& surface, PoseEstimate* pose);
-  /// With the inertial sensor's readings up to then; false: there are none.
+  /// The inertial sensor's readings from the filter's time to this.
   std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;
+  /// With those readings; false: there are none.
   bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
@@ -83,8 +87,8 @@ class Tracker {
   double usual_activity_hz_ = 0;  // while moving
   std::int64_t last_active_ns_ = 0;
   std::int64_t last_found_ns_ = 0;  // when tracking was not lost, or a chapter began
-  std::int64_t started_ns_ = 0;     // when motion_ was last started at a known pose, and that pose
-  Rigid3 T_world_started_;
+  std::int64_t started_ns_ = 0;     // when motion_ was last started at a known pose
+  Rigid3 T_world_started_;          // that pose
   std::deque<SurfacePtr> waiting_;  // surfaces of the last moment without a map that helps
   bool follow_ = false;             // them through the map that has come
   bool unsure_ = false;             // the next pose may be anywhere about the prediction: a better one is sought

@@ -30,6 +30,9 @@ for light in darkish dim dark hdr; do
   sequence "table_mid_$light" --scene table --speed mid --seed 1 --light $light --duration 5
 done
 sequence sofa_mid_dark --scene sofa --speed mid --seed 1 --light dark --duration 5
+sequence sofa_fast_darkish --scene sofa --speed fast --seed 7 --light darkish --duration 5 --no-frames
+sequence cali_fast_dark --scene cali --speed fast --seed 8 --light dark --duration 5 --no-frames
+sequence cali_slow_dim --scene cali --speed slow --seed 9 --light dim --duration 5 --no-frames
 sequence table_stop_bright --scene table --speed mid --seed 5 --stop 2 2 --duration 6
 sequence table_mid_davis346 --scene table --speed mid --seed 1 --sensor davis346 --duration 5
 sequence table_slow_davis346 --scene table --speed slow --seed 1 --sensor davis346 --no-frames --duration 5

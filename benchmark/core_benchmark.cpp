@@ -201,22 +201,25 @@ void MakeLocalMap(benchmark::State& state) {
 }
 BENCHMARK(MakeLocalMap)->Apply(Resolutions);
 
+/// The map of one depth image at the surface's time; null, and the benchmark marked as failed, where none was made.
+LocalMapPtr LocalMapOf(const MovingEdges& scene, const SurfacePtr& surface, const OdometryOptions& options,
+                       benchmark::State* state) {
+  Mapper mapper(scene.rig(), options);
+  mapper.AddSurface(surface);
+  mapper.AddDepth(DepthOf(scene, *surface));
+  LocalMapPtr map = mapper.Update();
+  if (!map) state->SkipWithError("no local map was made");
+  return map;
+}
+
 /// From a start 1.5 px and 0.2 deg away, as a sudden change of motion leaves it, to convergence.
 void AlignPoints(benchmark::State& state) {
   MovingEdges scene(640, 480, 5e6);
   const SurfacePtr surface = SurfaceOf(&scene);
-  Mapper mapper(scene.rig(), [&state] {
-    OdometryOptions options;
-    options.mapping.max_points = static_cast<int>(state.range(0));
-    return options;
-  }());
-  mapper.AddSurface(surface);
-  mapper.AddDepth(DepthOf(scene, *surface));
-  const LocalMapPtr map = mapper.Update();
-  if (!map) {
-    state.SkipWithError("no local map was made");
-    return;
-  }
+  OdometryOptions options;
+  options.mapping.max_points = static_cast<int>(state.range(0));
+  const LocalMapPtr map = LocalMapOf(scene, surface, options, &state);
+  if (!map) return;
   Vector6d start;
   start << 1.5 * MovingEdges::kDepth_m / scene.camera().fx(), 0, 0, 0, 0, 0.2 * M_PI / 180;
   PosePrior prior;
@@ -243,14 +246,8 @@ BENCHMARK(AlignPoints)
 void SearchWhenLost(benchmark::State& state) {
   MovingEdges scene(640, 480, 5e6);
   const SurfacePtr surface = SurfaceOf(&scene);
-  Mapper mapper(scene.rig(), OdometryOptions());
-  mapper.AddSurface(surface);
-  mapper.AddDepth(DepthOf(scene, *surface));
-  const LocalMapPtr map = mapper.Update();
-  if (!map) {
-    state.SkipWithError("no local map was made");
-    return;
-  }
+  const LocalMapPtr map = LocalMapOf(scene, surface, OdometryOptions(), &state);
+  if (!map) return;
   Relocalizer relocalizer(scene.camera(), OdometryOptions());
   Vector6d off;
   off << 0.5, 0.3, 0, 0.3, -0.4, 0.5;

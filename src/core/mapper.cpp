@@ -241,7 +241,7 @@ MapPoint Mapper::MakePoint(const EdgePoint& edge, float z_m, double window_s) co
   const float across_px = Eigen::Vector2f(edge.nx, edge.ny).dot(ImageVelocity(velocity_, at(edge.x, edge.y), camera_)) *
                           static_cast<float>(window_s);
   const float lag_px =
-      EdgeLag_px(LagStrength(across_px, 0, static_cast<float>(options_.surface.edge_lag_px)), edge.strength);
+      EdgeLagPx(LagStrength(across_px, 0, static_cast<float>(options_.surface.edge_lag_px)), edge.strength);
   MapPoint point;
   point.p_ref = at(edge.x + lag_px * edge.nx, edge.y + lag_px * edge.ny);
   point.normal_ref = Eigen::Vector3f(edge.nx, edge.ny, 0);

@@ -183,7 +183,7 @@ MotionFilter::Measurement MotionFilter::Push(const InertialMean& inertial, const
   const Eigen::Matrix3d R = T_world_event_.rotation().toRotationMatrix();
   const Eigen::Matrix3d R_before = before.T_world_event_.rotation().toRotationMatrix();
   const Eigen::Matrix3d R_middle = R_before * ExpSO3(half).toRotationMatrix();
-  const Eigen::Matrix3d A = R_middle.transpose() * R, A_before = R_middle.transpose() * R_before;
+  const Eigen::Matrix3d A = R_middle.transpose() * R, R_middle_before = R_middle.transpose() * R_before;
   const Eigen::Vector3d pushed = R_middle.transpose() * (R * v - R_before * v_before - gravity_world_ * dt_s);
 
   Measurement m;
@@ -193,9 +193,9 @@ MotionFilter::Measurement MotionFilter::Push(const InertialMean& inertial, const
   m.H.middleCols<3>(kOmega) = -A * Hat(r);
   m.H.middleCols<3>(kGravity) = -dt_s * R_middle.transpose();
   m.H.middleCols<3>(kAccBias) = dt_s * Eigen::Matrix3d::Identity();
-  m.H_before.middleCols<3>(kPhi) = A_before * Hat(v_before) + Hat(pushed) * A_before;
-  m.H_before.middleCols<3>(kV) = -A_before;
-  m.H_before.middleCols<3>(kOmega) = A_before * Hat(r);
+  m.H_before.middleCols<3>(kPhi) = R_middle_before * Hat(v_before) + Hat(pushed) * R_middle_before;
+  m.H_before.middleCols<3>(kV) = -R_middle_before;
+  m.H_before.middleCols<3>(kOmega) = R_middle_before * Hat(r);
   const double beyond_gravity = std::abs(inertial.linear_acceleration->norm() - kGravity_m_s2);
   m.sigma = dt_s * std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity);
   return m;

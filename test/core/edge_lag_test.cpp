@@ -19,13 +19,13 @@ TEST(EdgeLag, PointsAlongTheMotionAndIsSmallerForStrongerEdges) {
     const float forth = LagStrength(across_px, 0, kScale_px), back = LagStrength(-across_px, 0, kScale_px);
     EXPECT_GT(forth, 0);
     EXPECT_FLOAT_EQ(back, -forth);
-    EXPECT_FLOAT_EQ(EdgeLag_px(forth, 2), 0.5F * EdgeLag_px(forth, 1));
+    EXPECT_FLOAT_EQ(EdgeLagPx(forth, 2), 0.5F * EdgeLagPx(forth, 1));
   }
 }
 
 TEST(EdgeLag, DoesNotDependOnTheSpeedOfAnEdgeWhoseEventsGrowWithItsWay) {
   // Three events in each pixel passed: strength is in proportion to the way.
-  EXPECT_NEAR(EdgeLag_px(LagStrength(2, 0, kScale_px), 3 * 2), EdgeLag_px(LagStrength(5, 0, kScale_px), 3 * 5), 1e-6);
+  EXPECT_NEAR(EdgeLagPx(LagStrength(2, 0, kScale_px), 3 * 2), EdgeLagPx(LagStrength(5, 0, kScale_px), 3 * 5), 1e-6);
 }
 
 TEST(EdgeLag, SaysLittleOfAMotionThatMayBeTheOpposite) {
@@ -34,9 +34,9 @@ TEST(EdgeLag, SaysLittleOfAMotionThatMayBeTheOpposite) {
 }
 
 TEST(EdgeLag, IsNeverMoreThanHalfAPixelAndZeroWithoutStrength) {
-  EXPECT_EQ(EdgeLag_px(LagStrength(100, 0, kScale_px), 0.1F), kMaxEdgeLag_px);
-  EXPECT_EQ(EdgeLag_px(LagStrength(-100, 0, kScale_px), 0.1F), -kMaxEdgeLag_px);
-  EXPECT_EQ(EdgeLag_px(LagStrength(1, 0, kScale_px), 0), 0);
+  EXPECT_EQ(EdgeLagPx(LagStrength(100, 0, kScale_px), 0.1F), kMaxEdgeLag_px);
+  EXPECT_EQ(EdgeLagPx(LagStrength(-100, 0, kScale_px), 0.1F), -kMaxEdgeLag_px);
+  EXPECT_EQ(EdgeLagPx(LagStrength(1, 0, kScale_px), 0), 0);
 }
 
 TEST(EdgeMotion, AlongANormalIsTheLinearFormOfTheVelocity) {
@@ -73,7 +73,7 @@ TEST(EdgeLag, OfASurfaceDoesNotMoveThePose) {
     }
     const float across_px = Eigen::Vector2f(edge.nx, edge.ny).dot(ImageVelocity(velocity, p, SegmentCamera())) *
                             static_cast<float>(surface.window_s);
-    const float lag_px = EdgeLag_px(LagStrength(across_px, 0, static_cast<float>(options.surface.edge_lag_px)), 1);
+    const float lag_px = EdgeLagPx(LagStrength(across_px, 0, static_cast<float>(options.surface.edge_lag_px)), 1);
     edge.x -= lag_px * edge.nx;
     edge.y -= lag_px * edge.ny;
   }

@@ -188,7 +188,8 @@ TEST_F(DevoOffline, NamesTheTopicThatIsMissingAndThoseThatAreThere) {
   ExpectRefused(Run("--set topics.depth=/truth"),
                 AllOf(HasSubstr("geometry_msgs/PoseStamped"), HasSubstr("expected sensor_msgs/Image")));
   ExpectRefused(Run("--set topics.depth="), HasSubstr("key 'topics.depth' is empty"));
-  ExpectRefused(Run("--set topics.points=/velodyne"), HasSubstr("(key 'topics.points') is in none of the bags, expected sensor_msgs/PointCloud2"));
+  ExpectRefused(Run("--set topics.points=/velodyne"),
+                HasSubstr("(key 'topics.points') is in none of the bags, expected sensor_msgs/PointCloud2"));
 }
 
 TEST_F(DevoOffline, NamesTheCameraWithoutIntrinsics) {

@@ -16,7 +16,7 @@ namespace devo {
 constexpr float kMaxEdgeLag_px = 0.5F;
 
 /// Lag times strength, px times events: the lag of an edge of the surface is this over EdgePoint::strength
-/// (EdgeLag_px), to be added along its normal. `across_px` is its motion along the normal while the surface's events
+/// (EdgeLagPx), to be added along its normal. `across_px` is its motion along the normal while the surface's events
 /// were gathered and `sigma_px` the standard deviation of that: of a motion that may as well be the opposite nothing
 /// is said. `scale_px` is SurfaceOptions::edge_lag_px. Strength counts the events of `across_px` pixels on
 /// top of each other; for less than a pixel's fraction the profile itself is what was passed.
@@ -26,7 +26,7 @@ inline float LagStrength(float across_px, float sigma_px, float scale_px) {
   return scale_px * across_px * moved_px / (moved_px + kSigmas * sigma_px);
 }
 
-inline float EdgeLag_px(float lag_strength, float strength) {
+inline float EdgeLagPx(float lag_strength, float strength) {
   return strength > 0 ? std::clamp(lag_strength / strength, -kMaxEdgeLag_px, kMaxEdgeLag_px) : 0.0F;
 }
 

@@ -53,8 +53,8 @@ struct SequenceOptions {
   double multipath = 0;            ///< see DepthModel
   bool lidar = false;              ///< 16 beams beside the camera
   double lidar_rate_hz = 10;
-  bool frames = true;              ///< blurred, noisy frames of the event camera's pixels
-  bool regular_camera = false;     ///< frames are those of VectorRegularCamera beside the event camera instead
+  bool frames = true;           ///< blurred, noisy frames of the event camera's pixels
+  bool regular_camera = false;  ///< frames are those of VectorRegularCamera beside the event camera instead
   double frame_rate_hz = 30;
   bool imu = true;
   double pose_rate_hz = 200;  ///< of ground truth

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_alignment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include <Eigen/Eigenvalues>
+
+namespace devo {
+namespace {
+
+constexpr int kColumns = 80;  // about; more cells cost more and tell the same
+constexpr int kPixelStep = 2;
+constexpr float kMinNormalCosine = 0.2F;  // surfaces seen at a flat angle tell of the camera's noise
+constexpr float kMinMatchCosine = 0.9F;   // of the normals of a match
+constexpr int kMaxIterations = 10;
+constexpr int kCoarseIterations = 2;  // with every fourth cell
+constexpr std::size_t kCoarseStep = 4;
+constexpr double kStartSigma_m = 0.01, kMinSigma_m = 2e-4;
+constexpr double kTukey = 4;       // standard deviations beyond which a match is an outlier
+constexpr double kStill_m = 3e-5;  // a step smaller than this, or this in radians, ends the iterations
+// The normals' noise makes any direction look a little constrained: below so many times of what it makes, it is open.
+constexpr double kOpenNoise = 2;
+constexpr double kDamping_m = 0.01;  // of a step, also in radians, where the surfaces say nothing
+constexpr int kMinMatches = 100;
+constexpr double kMinOverlap = 0.2;
+constexpr double kSigmaOfMedian = 1.4826;  // of a normal distribution's absolute values
+
+// Readings of one cell, or neighbouring cells, farther apart than this are of several surfaces.
+float SurfaceGap(float z_m) { return 0.06F * z_m + 0.01F; }
+
+float Median(const std::vector<DepthCells::Cell>& cells) {
+  std::vector<float> depths;
+  for (const DepthCells::Cell& cell : cells) {
+    if (cell.p.z() > 0) depths.push_back(cell.p.z());
+  }
+  if (depths.empty()) return 0;
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return *middle;
+}
+
+}  // namespace
+
+/// Normal equations of the step, in units of the distances.
+struct DepthAligner::Equations {
+  Matrix6d H = Matrix6d::Zero();
+  Vector6d g = Vector6d::Zero();
+  std::vector<float> distances;  // of the matches, absolute
+  int seen = 0;                  // cells that might have matched
+};
+
+DepthAligner::DepthAligner(const Camera& camera)
+    : camera_(camera.Undistorted()), image_size_(camera.width(), camera.height()),
+      cell_px_(std::max(1, camera.width() / kColumns)), columns_((camera.width() + cell_px_ - 1) / cell_px_),
+      rows_((camera.height() + cell_px_ - 1) / cell_px_) {
+  const int step = std::min(kPixelStep, cell_px_);
+  full_ = (cell_px_ / step) * (cell_px_ / step);
+  for (int y = 0; y < camera.height(); y += step) {
+    for (int x = 0; x < camera.width(); x += step) {
+      const auto ray = camera.Unproject({x, y});
+      if (!ray) continue;
+      const Eigen::Vector3f direction = ray->cast<float>();
+      const int cell = CellAt(direction);
+      if (cell >= 0) samples_.push_back({y * camera.width() + x, cell, direction.x(), direction.y()});
+    }
+  }
+}
+
+int DepthAligner::CellAt(const Eigen::Vector3f& p) const {
+  const float u = static_cast<float>(camera_.fx()) * p.x() / p.z() + static_cast<float>(camera_.cx()) + 0.5F;
+  const float v = static_cast<float>(camera_.fy()) * p.y() / p.z() + static_cast<float>(camera_.cy()) + 0.5F;
+  // Before the conversion: of values beyond an int it is undefined.
+  if (!(u >= 0 && v >= 0 && u < static_cast<float>(camera_.width()) && v < static_cast<float>(camera_.height()))) {
+    return -1;
+  }
+  return static_cast<int>(v) / cell_px_ * columns_ + static_cast<int>(u) / cell_px_;
+}
+
+DepthCells DepthAligner::Reduce(const cv::Mat1f& depth_m) const {
+  if (depth_m.size() != image_size_) {
+    std::ostringstream message;
+    message << "depth image of " << depth_m.cols << "x" << depth_m.rows << "; expected the depth camera's "
+            << image_size_.width << "x" << image_size_.height;
+    throw std::invalid_argument(message.str());
+  }
+  const cv::Mat1f dense = depth_m.isContinuous() ? depth_m : depth_m.clone();
+  const float* readings = dense.ptr<float>();
+  struct Range {
+    float nearest = 0, farthest = 0;
+    int count = 0;
+  };
+  DepthCells result;
+  result.cells.resize(static_cast<std::size_t>(columns_) * rows_);
+  std::vector<Range> ranges(result.cells.size());
+  for (const Sample& sample : samples_) {
+    const float z = readings[sample.pixel];
+    if (!(z > 0)) continue;
+    Range& range = ranges[sample.cell];
+    result.cells[sample.cell].p += z * Eigen::Vector3f(sample.ray_x, sample.ray_y, 1);
+    range.nearest = range.count == 0 ? z : std::min(range.nearest, z);
+    range.farthest = std::max(range.farthest, z);
+    ++range.count;
+  }
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    const Range& range = ranges[i];
+    const bool one_surface = 2 * range.count >= full_ && range.farthest - range.nearest < SurfaceGap(range.nearest);
+    result.cells[i].p *= one_surface && range.count > 0 ? 1.0F / static_cast<float>(range.count) : 0.0F;
+  }
+  AddNormals(&result);
+  result.median_m = Median(result.cells);
+  return result;
+}
+
+void DepthAligner::AddNormals(DepthCells* cells) const {
+  const auto p = [cells](int i) -> const Eigen::Vector3f& { return cells->cells[i].p; };
+  for (int row = 1; row + 1 < rows_; ++row) {
+    for (int column = 1; column + 1 < columns_; ++column) {
+      const int i = row * columns_ + column, left = i - 1, right = i + 1, up = i - columns_, down = i + columns_;
+      const auto joined = [&](int j) { return p(j).z() > 0 && std::abs(p(j).z() - p(i).z()) < SurfaceGap(p(i).z()); };
+      if (!(p(i).z() > 0) || !joined(left) || !joined(right) || !joined(up) || !joined(down)) continue;
+      const Eigen::Vector3f n = (p(right) - p(left)).cross(p(up) - p(down)).normalized();
+      if (-n.dot(p(i).normalized()) > kMinNormalCosine) cells->cells[i].n = n;
+    }
+  }
+}
+
+DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
+                                                double sigma_m, std::size_t step) const {
+  const Eigen::Matrix3f R = T_ref_depth.rotation().toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = T_ref_depth.translation().cast<float>();
+  const float limit_m = static_cast<float>(kTukey * sigma_m);
+  Equations equations;
+  equations.distances.reserve(now.cells.size() / step + 1);
+  for (std::size_t i = 0; i < now.cells.size(); i += step) {
+    const DepthCells::Cell& cell = now.cells[i];
+    if (cell.n.isZero()) continue;
+    ++equations.seen;
+    const Eigen::Vector3f q = R * cell.p + t;
+    const int k = q.z() > 0 ? CellAt(q) : -1;
+    if (k < 0) continue;
+    const DepthCells::Cell& surface = ref.cells[k];
+    if (surface.n.isZero() || surface.n.dot(R * cell.n) < kMinMatchCosine) continue;
+    const float distance = surface.n.dot(q - surface.p);
+    if (std::abs(distance) > limit_m) continue;
+    equations.distances.push_back(std::abs(distance));
+    const float share = distance / limit_m, weight = (1 - share * share) * (1 - share * share);
+    // q = T Exp(xi) p, so dq = R (rho + phi x p).
+    const Eigen::Vector3f n = R.transpose() * surface.n;
+    Vector6d row;
+    row << n.cast<double>(), cell.p.cross(n).cast<double>();
+    equations.H.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+    equations.g += weight * distance * row;
+  }
+  equations.H = Matrix6d(equations.H.selfadjointView<Eigen::Lower>());
+  return equations;
+}
+
+Matrix6d DepthAligner::LeaveOpen(const Matrix6d& H, double depth_m, double sigma_m, Result* result) const {
+  // A normal is the slope between the cells on both sides.
+  const double normal_sigma = sigma_m / (2 * cell_px_ / camera_.fx() * depth_m);
+  // A turn is as large as what it moves at the depth of the scene.
+  Vector6d scale;
+  scale << 1, 1, 1, Eigen::Vector3d::Constant(1 / depth_m);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(scale.asDiagonal() * H * scale.asDiagonal());
+  const Vector6d& values = eigen.eigenvalues();
+  const Vector6d known = (values.array() > kOpenNoise * normal_sigma * normal_sigma * values(5)).cast<double>();
+  const Matrix6d to_units = scale.asDiagonal() * eigen.eigenvectors();
+  const Matrix6d from_units = scale.cwiseInverse().asDiagonal() * eigen.eigenvectors();  // of information
+  result->information =
+      from_units * known.cwiseProduct(values).asDiagonal() * from_units.transpose() / (sigma_m * sigma_m);
+  return to_units * known.asDiagonal() * from_units.transpose();
+}
+
+std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, const DepthCells& now,
+                                                        const Rigid3& T_start) const {
+  Result result;
+  result.T_ref_depth = T_start;
+  result.sigma_m = kStartSigma_m;
+  Matrix6d H;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const std::size_t step = iteration < kCoarseIterations ? kCoarseStep : 1;
+    Equations equations = Linearise(ref, now, result.T_ref_depth, result.sigma_m, step);
+    const auto matches = static_cast<int>(equations.distances.size());
+    if (matches * static_cast<int>(step) < kMinMatches || matches < kMinOverlap * equations.seen) return std::nullopt;
+    const auto middle = equations.distances.begin() + matches / 2;
+    std::nth_element(equations.distances.begin(), middle, equations.distances.end());
+    result.sigma_m = std::max(kMinSigma_m, kSigmaOfMedian * *middle);
+    result.overlap = static_cast<double>(matches) / equations.seen;
+    H = equations.H;
+    Matrix6d damped = H;
+    damped.diagonal().array() += std::pow(result.sigma_m / kDamping_m, 2);
+    const Vector6d xi = -damped.ldlt().solve(equations.g);
+    result.T_ref_depth = result.T_ref_depth * Exp(xi);
+    if (step == 1 && xi.cwiseAbs().maxCoeff() < kStill_m) break;
+  }
+  const Matrix6d known = LeaveOpen(H, now.median_m, result.sigma_m, &result);
+  result.T_ref_depth = T_start * Exp(known * Log(T_start.inverse() * result.T_ref_depth));
+  return result;
+}
+
+}  // namespace devo

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// The corner of a room with a box in it, and what a depth camera measures of it: for tests of depth alone.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <random>
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+
+#include "devo/core/camera.h"
+#include "devo/core/rigid3.h"
+
+namespace devo {
+
+inline Camera DepthSceneCamera() { return {320, 240, 260, 260, 158.3, 121.2, "plumb_bob", {0.05, -0.02, 0, 0}}; }
+
+enum class DepthScene { kRoom, kWall };
+
+/// Distance along a ray from `origin`, in units of `direction`; infinite where nothing is met.
+inline double MeetScene(DepthScene scene, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+  double nearest = std::numeric_limits<double>::infinity();
+  const auto meet = [&](double s) {
+    if (s > 1e-6) nearest = std::min(nearest, s);
+  };
+  meet((2.5 - origin.z()) / direction.z());
+  if (scene == DepthScene::kWall) return nearest;
+  meet((0.9 - origin.y()) / direction.y());   // floor
+  meet((-1.2 - origin.x()) / direction.x());  // left wall
+  const Eigen::Vector3d low(0.5, 0.2, 1.4), high(1.1, 0.9, 2.0);
+  double enter = 0, leave = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 3; ++i) {
+    const double a = (low[i] - origin[i]) / direction[i], b = (high[i] - origin[i]) / direction[i];
+    enter = std::max(enter, std::min(a, b));
+    leave = std::min(leave, std::max(a, b));
+  }
+  if (enter < leave) meet(enter);
+  return nearest;
+}
+
+/// Depth in metres with noise of this standard deviation.
+inline cv::Mat1f DepthSeen(const Rigid3& T_world_depth, double sigma_m = 0, DepthScene scene = DepthScene::kRoom,
+                           unsigned seed = 1) {
+  const Camera camera = DepthSceneCamera();
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 1);
+  cv::Mat1f depth_m(camera.height(), camera.width(), 0.0F);
+  for (int y = 0; y < depth_m.rows; ++y) {
+    for (int x = 0; x < depth_m.cols; ++x) {
+      const auto ray = camera.Unproject({x, y});
+      if (!ray) continue;
+      const double z = MeetScene(scene, T_world_depth.translation(), T_world_depth.rotation() * *ray);
+      if (z < 10) depth_m(y, x) = static_cast<float>(z + sigma_m * noise(random));
+    }
+  }
+  return depth_m;
+}
+
+}  // namespace devo

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// Depth images kept with their poses, to which later ones are aligned: where the view returns, so does the pose.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "devo/core/depth_alignment.h"
+#include "devo/core/depth_image.h"
+#include "devo/core/depth_pose.h"
+#include "devo/core/rig.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class DepthKeyframes {
+ public:
+  explicit DepthKeyframes(const Rig& rig);
+
+  /// What tracking says of a depth image's moment.
+  struct View {
+    Rigid3 T_world_event;
+    Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s
+    double delay_s = 0;                          ///< by how much depth images are taken to be late
+    int chapter = 0;
+    bool trusted = false;  ///< the image may become a keyframe
+  };
+
+  /// Aligns an image to the keyframe that shows most of it, and keeps it when none shows enough. Empty where nothing
+  /// overlaps. `t_ns` and `epoch` of the result are the caller's to fill in. Throws std::invalid_argument when the
+  /// image has not the depth camera's size.
+  std::optional<DepthPose> Align(const DepthImage& depth, const View& view);
+
+  std::size_t size() const { return keyframes_.size(); }
+  void Clear();
+
+ private:
+  struct Keyframe {
+    DepthCells cells;
+    View view;  // as it was kept
+    std::uint64_t last_used;
+  };
+  struct Match {
+    int keyframe = -1;
+    DepthAligner::Result result;
+  };
+
+  Rigid3 WorldFromKeyframe(const Keyframe& keyframe, double delay_s) const;
+  void TryOthers(const DepthCells& now, const View& view, Match* best) const;
+  std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, const DepthCells& now, const View& view) const;
+  DepthPose MakePose(const Match& match, const View& view) const;
+  void Keep(DepthCells cells, const View& view);
+
+  DepthAligner aligner_;
+  Rigid3 T_event_depth_;
+  std::deque<Keyframe> keyframes_;
+  int current_ = -1;
+  std::uint64_t calls_ = 0;
+};
+
+}  // namespace devo

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "devo/core/rigid3.h"
+
+namespace devo {
+
+/// Where the event camera was at the time of a depth image, as the image's geometry shows it.
+struct DepthPose {
+  std::int64_t t_ns = 0;    ///< when events show that moment, as far as the delays are known
+  std::uint64_t epoch = 0;  ///< of the surfaces at that time
+  int chapter = 0;          ///< of the map in whose world the pose is
+  Rigid3 T_world_event;
+  Matrix6d information = Matrix6d::Zero();  ///< on a right perturbation [rho; phi] (m, rad) of T_world_event
+  /// How that perturbation grows per second by which depth images are later than thought, m/s and rad/s.
+  Vector6d per_delay = Vector6d::Zero();
+};
+
+}  // namespace devo

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_keyframes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/LU>
+
+namespace devo {
+namespace {
+
+// A keyframe that shows less of the image than this is replaced; other ones are tried whose view is near enough for
+// projective association.
+constexpr double kKeepOverlap = 0.6, kMaxAngle_rad = 0.5, kMaxDistanceShare = 0.3;
+constexpr int kMaxTried = 3;
+constexpr std::size_t kMaxKeyframes = 60;  // of about 150 kB
+// Cells share the errors of their surface; this many count as one measurement.
+constexpr double kCellsPerMeasurement = 10;
+// What a depth camera gets wrong alike everywhere (multipath, calibration), per metre of depth, and as a rotation.
+constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
+
+}  // namespace
+
+DepthKeyframes::DepthKeyframes(const Rig& rig) : aligner_(rig.depth_camera), T_event_depth_(rig.T_event_depth) {}
+
+void DepthKeyframes::Clear() {
+  keyframes_.clear();
+  current_ = -1;
+}
+
+Rigid3 DepthKeyframes::WorldFromKeyframe(const Keyframe& keyframe, double delay_s) const {
+  // Its pose was that of the time at which it was thought to be made.
+  return keyframe.view.T_world_event * Exp(keyframe.view.velocity_event * (delay_s - keyframe.view.delay_s)) *
+         T_event_depth_;
+}
+
+std::optional<DepthAligner::Result> DepthKeyframes::AlignTo(const Keyframe& keyframe, const DepthCells& now,
+                                                            const View& view) const {
+  const Rigid3 T_world_key = WorldFromKeyframe(keyframe, view.delay_s);
+  return aligner_.Align(keyframe.cells, now, T_world_key.inverse() * view.T_world_event * T_event_depth_);
+}
+
+void DepthKeyframes::TryOthers(const DepthCells& now, const View& view, Match* best) const {
+  int tried = 0;
+  // The oldest first: the least has gone wrong before it.
+  for (std::size_t i = 0; i < keyframes_.size() && tried < kMaxTried; ++i) {
+    const Keyframe& keyframe = keyframes_[i];
+    if (static_cast<int>(i) == current_ || keyframe.view.chapter != view.chapter) continue;
+    const Rigid3 T_key_now = keyframe.view.T_world_event.inverse() * view.T_world_event;
+    if (RotationAngle(T_key_now) > kMaxAngle_rad ||
+        T_key_now.translation().norm() > kMaxDistanceShare * keyframe.cells.median_m) {
+      continue;
+    }
+    ++tried;
+    const auto result = AlignTo(keyframe, now, view);
+    if (!result || (best->keyframe >= 0 && result->overlap <= best->result.overlap)) continue;
+    *best = {static_cast<int>(i), *result};
+    if (result->overlap >= kKeepOverlap) return;
+  }
+}
+
+DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
+  const Keyframe& keyframe = keyframes_[static_cast<std::size_t>(match.keyframe)];
+  const Rigid3 T_depth_event = T_event_depth_.inverse();
+  const Rigid3 T_key_event = match.result.T_ref_depth * T_depth_event;
+  DepthPose pose;
+  pose.chapter = view.chapter;
+  pose.T_world_event = WorldFromKeyframe(keyframe, view.delay_s) * T_key_event;
+  const Matrix6d A = Adjoint(T_depth_event);
+  const Matrix6d H = A.transpose() * match.result.information * A / kCellsPerMeasurement;
+  // (H^-1 + bias)^-1, where H may be singular.
+  Vector6d bias;
+  bias << Eigen::Vector3d::Constant(kBiasShare * keyframe.cells.median_m), Eigen::Vector3d::Constant(kBias_rad);
+  const Matrix6d B = bias.cwiseAbs2().cwiseInverse().asDiagonal();
+  pose.information = H - H * (B + H).inverse() * H;
+  // Of the keyframe's event camera to that of now, both of which were where they were this much later.
+  const Rigid3 T_event_keyevent = (T_event_depth_ * T_key_event).inverse();
+  pose.per_delay = view.velocity_event - Adjoint(T_event_keyevent) * keyframe.view.velocity_event;
+  return pose;
+}
+
+void DepthKeyframes::Keep(DepthCells cells, const View& view) {
+  if (keyframes_.size() == kMaxKeyframes) {
+    keyframes_.erase(std::min_element(keyframes_.begin(), keyframes_.end(),
+                                      [](const Keyframe& a, const Keyframe& b) { return a.last_used < b.last_used; }));
+  }
+  keyframes_.push_back({std::move(cells), view, calls_});
+  current_ = static_cast<int>(keyframes_.size()) - 1;
+}
+
+std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const View& view) {
+  ++calls_;
+  DepthCells now = aligner_.Reduce(depth.depth_m);
+  Match best;
+  if (current_ >= 0 && keyframes_[static_cast<std::size_t>(current_)].view.chapter == view.chapter) {
+    if (const auto result = AlignTo(keyframes_[static_cast<std::size_t>(current_)], now, view))
+      best = {current_, *result};
+  }
+  if (best.keyframe < 0 || best.result.overlap < kKeepOverlap) TryOthers(now, view, &best);
+  std::optional<DepthPose> pose;
+  if (best.keyframe >= 0) {
+    pose = MakePose(best, view);
+    current_ = best.keyframe;
+    keyframes_[static_cast<std::size_t>(current_)].last_used = calls_;
+  }
+  if (view.trusted && (best.keyframe < 0 || best.result.overlap < kKeepOverlap) && now.median_m > 0) {
+    Keep(std::move(now), view);
+  }
+  return pose;
+}
+
+}  // namespace devo

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_keyframes.h"
+
+#include <gtest/gtest.h>
+
+#include "depth_scene.h"
+
+namespace devo {
+namespace {
+
+Rig DepthRig() {
+  Rig rig;
+  rig.depth_camera = DepthSceneCamera();
+  rig.T_event_depth = Exp((Vector6d() << 0.05, -0.02, 0.01, 0.02, 0.05, -0.03).finished());
+  return rig;
+}
+
+DepthImage ImageAt(const Rigid3& T_world_event, double sigma_m = 0.003) {
+  static unsigned seed = 0;
+  return {0, DepthSeen(T_world_event * DepthRig().T_event_depth, sigma_m, DepthScene::kRoom, ++seed)};
+}
+
+DepthKeyframes::View ViewAt(const Rigid3& T_world_event) {
+  DepthKeyframes::View view;
+  view.T_world_event = T_world_event;
+  view.trusted = true;
+  return view;
+}
+
+Rigid3 Turned(double angle_rad) { return Rigid3::Rotation(ExpSO3({0, angle_rad, 0})); }
+
+TEST(DepthKeyframes, ThePoseOfTheEventCameraIsFoundBesideItsPrediction) {
+  DepthKeyframes keyframes(DepthRig());
+  EXPECT_FALSE(keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()))) << "there is nothing to align the first to";
+  const Rigid3 truth = Exp((Vector6d() << 0.02, 0.01, -0.03, 0.01, -0.02, 0.01).finished());
+  const auto pose = keyframes.Align(ImageAt(truth), ViewAt(Rigid3::Translation({0.01, 0, 0})));
+  ASSERT_TRUE(pose);
+  EXPECT_LT(Log(truth.inverse() * pose->T_world_event).norm(), 2e-3);
+  EXPECT_GT(pose->information.diagonal().minCoeff(), 1e4);
+  EXPECT_EQ(keyframes.size(), 1U);
+}
+
+TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
+  DepthKeyframes keyframes(DepthRig());
+  // Tracking is 2 mm farther off with each step; each new keyframe takes that over.
+  const auto off = [](int step) { return Rigid3::Translation({0.002 * step, 0, 0}); };
+  int step = 0;
+  for (const double angle : {0.0, 0.15, 0.3, 0.45, 0.6, 0.45, 0.3, 0.15}) {
+    keyframes.Align(ImageAt(Turned(angle)), ViewAt(Turned(angle) * off(step++)));
+  }
+  EXPECT_GT(keyframes.size(), 1U);
+  const std::size_t before = keyframes.size();
+  const auto pose = keyframes.Align(ImageAt(Rigid3()), ViewAt(off(step)));
+  ASSERT_TRUE(pose);
+  EXPECT_LT(Log(pose->T_world_event).norm(), 3e-3);
+  EXPECT_EQ(keyframes.size(), before);
+}
+
+TEST(DepthKeyframes, AnImageOfAnUncertainPoseIsNotKept) {
+  DepthKeyframes keyframes(DepthRig());
+  DepthKeyframes::View view = ViewAt(Rigid3());
+  view.trusted = false;
+  EXPECT_FALSE(keyframes.Align(ImageAt(Rigid3()), view));
+  EXPECT_EQ(keyframes.size(), 0U);
+}
+
+TEST(DepthKeyframes, AKeyframeOfAnotherChapterIsNotMet) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+  DepthKeyframes::View view = ViewAt(Rigid3());
+  view.chapter = 1;
+  EXPECT_FALSE(keyframes.Align(ImageAt(Rigid3()), view));
+}
+
+TEST(DepthKeyframes, WhatADelayDoesIsTheDerivativeOfTheStatedPose) {
+  Vector6d at_keyframe, now;
+  at_keyframe << 0.3, 0.1, -0.2, 0.2, -0.1, 0.3;
+  now << -0.2, 0.4, 0.1, -0.3, 0.2, 0.1;
+  const Rigid3 T_key = Rigid3(), T_now = Exp((Vector6d() << 0.03, 0.02, -0.02, 0.01, 0.02, -0.02).finished());
+  // Images are late by this: what they show happened when the camera was elsewhere.
+  const double late_s = 0.01;
+  DepthKeyframes keyframes(DepthRig());
+  DepthKeyframes::View view = ViewAt(T_key);
+  view.velocity_event = at_keyframe;
+  keyframes.Align(ImageAt(T_key * Exp(at_keyframe * late_s), 0), view);
+  view = ViewAt(T_now);
+  view.velocity_event = now;
+  const auto pose = keyframes.Align(ImageAt(T_now * Exp(now * late_s), 0), view);
+  ASSERT_TRUE(pose);
+  const Vector6d seen = Log(T_now.inverse() * pose->T_world_event);
+  EXPECT_LT((seen - late_s * pose->per_delay).norm(), 1e-3) << seen.transpose();
+  EXPECT_GT(seen.norm(), 5e-3);
+}
+
+}  // namespace
+}  // namespace devo

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// What a pose by depth says of the pose by events: by how much to move it, and how late depth images are. Clocks and
+// drivers make them early or late by tens of milliseconds, which in motion would pass for centimetres.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "devo/core/depth_pose.h"
+#include "devo/core/rigid3.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class DepthFusion {
+ public:
+  /// What a pose by depth is compared with.
+  struct Estimate {
+    Rigid3 T_world_then, T_world_now;  ///< of the event camera, at the depth image's time and at the newest surface's
+    Matrix6d covariance;               ///< of a right perturbation [rho; phi] (m, rad) of T_world_now
+    Matrix6d covariance_since;         ///< of the motion from then to now
+  };
+  struct Correction {
+    Vector6d moved;        ///< right perturbation of T_world_now to the most probable pose
+    Matrix6d information;  ///< of the depth alone, on such a perturbation
+  };
+  /// Depth poses in the order of their time. Empty where the two contradict each other.
+  std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
+
+  int contradictions() const { return contradictions_; }        ///< of the last depth images, in a row
+  std::int64_t agreed_ns() const { return agreed_ns_; }         ///< time of the last that agreed; 0: none has
+  const Vector6d& velocity_event() const { return velocity_; }  ///< from the last two; 0: they are far apart
+  /// By how much depth images are later than their stamps say, s.
+  double delay_s() const { return delay_s_; }
+
+  void Reset() { *this = DepthFusion(); }
+
+ private:
+  static constexpr double kDelaySigma_s = 0.01;
+
+  void NoteVelocity(const DepthPose& depth);
+
+  double delay_s_ = 0, delay_variance_ = kDelaySigma_s * kDelaySigma_s;
+  int contradictions_ = 0;
+  std::int64_t agreed_ns_ = 0;
+  std::optional<DepthPose> last_;
+  Vector6d velocity_ = Vector6d::Zero();
+};
+
+}  // namespace devo

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_fusion.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+// Depth errs alike for about this long: images that follow each other sooner count for less.
+constexpr double kAlike_s = 0.1;
+constexpr double kOpen_m = 1;  // in directions that depth leaves open, also in radians
+constexpr double kMaxNormalisedSquare = 16;
+constexpr double kDelayWalk_s = 2e-4, kMaxDelay_s = 0.05;  // in one second; at all
+// Errors of both that last look like evidence of a delay: only a part of each step is taken, as in MotionFilter.
+constexpr double kDelayStep = 0.3;
+constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
+
+}  // namespace
+
+void DepthFusion::NoteVelocity(const DepthPose& depth) {
+  const double since_s = last_ ? SecondsFromNs(depth.t_ns - last_->t_ns) : 0;
+  velocity_.setZero();
+  if (since_s > 0 && since_s < kMaxPeriod_s) {
+    velocity_ = Log(last_->T_world_event.inverse() * depth.T_world_event) / since_s;
+  }
+  last_ = depth;
+}
+
+std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
+  NoteVelocity(depth);
+  const double since_s = agreed_ns_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_ns_)) : kAlike_s;
+  const Matrix6d I = Matrix6d::Identity();
+  // All of it as perturbations of the pose now: xi_now = A xi_then.
+  const Matrix6d A = Adjoint(estimate.T_world_now.inverse() * estimate.T_world_then);
+  const Vector6d residual = A * Log(estimate.T_world_then.inverse() * depth.T_world_event);
+  const Vector6d per_delay = A * depth.per_delay;
+  const Matrix6d alone = A * (depth.information + I / (kOpen_m * kOpen_m)).ldlt().solve(I) * A.transpose();
+  delay_variance_ += kDelayWalk_s * kDelayWalk_s * since_s;
+  const Matrix6d rest = estimate.covariance_since + delay_variance_ * per_delay * per_delay.transpose();
+  if (residual.dot((estimate.covariance + alone + rest).ldlt().solve(residual)) > kMaxNormalisedSquare) {
+    ++contradictions_;
+    return std::nullopt;
+  }
+  contradictions_ = 0;
+  agreed_ns_ = depth.t_ns;
+
+  const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
+  const Matrix6d S_inverse = (estimate.covariance + R).ldlt().solve(I);
+  const Vector6d gain = delay_variance_ * (S_inverse * per_delay);
+  delay_s_ = std::clamp(delay_s_ + kDelayStep * gain.dot(residual), -kMaxDelay_s, kMaxDelay_s);
+  delay_variance_ -= (1 - std::pow(1 - kDelayStep, 2)) * delay_variance_ * gain.dot(per_delay);
+  return Correction{estimate.covariance * (S_inverse * residual), R.ldlt().solve(I)};
+}
+
+}  // namespace devo

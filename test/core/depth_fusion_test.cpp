@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_fusion.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <Eigen/LU>
+
+namespace devo {
+namespace {
+
+constexpr std::int64_t kPeriod_ns = 33'000'000;
+
+DepthPose PoseAt(std::int64_t t_ns, const Rigid3& T_world_event, double sigma = 1e-3) {
+  DepthPose pose;
+  pose.t_ns = t_ns;
+  pose.T_world_event = T_world_event;
+  pose.information = Matrix6d::Identity() / (sigma * sigma);
+  return pose;
+}
+
+DepthFusion::Estimate EstimateAt(const Rigid3& T_world_event, double sigma = 1e-3) {
+  return {T_world_event, T_world_event, sigma * sigma * Matrix6d::Identity(), Matrix6d::Zero()};
+}
+
+Vector6d SmallStep() { return (Vector6d() << 1e-3, -5e-4, 8e-4, 3e-4, 5e-4, -2e-4).finished(); }
+
+TEST(DepthFusion, MovesThePoseByTheShareThatTheTwoCertaintiesSay) {
+  const Rigid3 T = Exp((Vector6d() << 1, 2, 3, 0.3, -0.2, 0.5).finished());
+  DepthFusion fusion;
+  const auto half = fusion.Correct(PoseAt(kPeriod_ns, T * Exp(SmallStep())), EstimateAt(T));
+  ASSERT_TRUE(half);
+  EXPECT_LT((half->moved - 0.5 * SmallStep()).norm(), 1e-6);
+  DepthFusion sure;
+  const auto little = sure.Correct(PoseAt(kPeriod_ns, T * Exp(SmallStep())), EstimateAt(T, 1e-4));
+  ASSERT_TRUE(little);
+  EXPECT_LT(little->moved.norm(), 0.02 * SmallStep().norm());
+}
+
+TEST(DepthFusion, WhatWasWrongThenIsCorrectedNow) {
+  const Rigid3 T_then = Exp((Vector6d() << 1, 2, 3, 0.3, -0.2, 0.5).finished());
+  const Rigid3 T_then_now = Exp((Vector6d() << 0.02, -0.03, 0.01, 0.1, 0.2, -0.1).finished());
+  DepthFusion::Estimate estimate = EstimateAt(T_then, 1.0);
+  estimate.T_world_now = T_then * T_then_now;
+  DepthFusion fusion;
+  const auto correction = fusion.Correct(PoseAt(kPeriod_ns, T_then * Exp(SmallStep())), estimate);
+  ASSERT_TRUE(correction);
+  const Rigid3 expected = T_then * Exp(SmallStep()) * T_then_now;
+  EXPECT_LT(Log(expected.inverse() * estimate.T_world_now * Exp(correction->moved)).norm(), 1e-5);
+}
+
+TEST(DepthFusion, DoesNotMoveAlongDirectionsThatDepthLeavesOpen) {
+  DepthPose pose = PoseAt(kPeriod_ns, Exp(SmallStep()));
+  pose.information(0, 0) = 0;
+  DepthFusion fusion;
+  const auto correction = fusion.Correct(pose, EstimateAt(Rigid3()));
+  ASSERT_TRUE(correction);
+  EXPECT_LT(std::abs(correction->moved(0)), 1e-6);
+  EXPECT_GT(std::abs(correction->moved(1)), 1e-4);
+}
+
+TEST(DepthFusion, ImagesThatFollowEachOtherSoonCountForLess) {
+  DepthFusion fusion;
+  const double first = fusion.Correct(PoseAt(kPeriod_ns, Rigid3()), EstimateAt(Rigid3()))->information(0, 0);
+  const double soon = fusion.Correct(PoseAt(2 * kPeriod_ns, Rigid3()), EstimateAt(Rigid3()))->information(0, 0);
+  const double late = fusion.Correct(PoseAt(20 * kPeriod_ns, Rigid3()), EstimateAt(Rigid3()))->information(0, 0);
+  EXPECT_LT(soon, 0.5 * first);
+  EXPECT_NEAR(late, first, 1e-6 * first);
+}
+
+TEST(DepthFusion, ContradictionsAreCountedInARowAndMoveNothing) {
+  const Rigid3 elsewhere = Rigid3::Translation({0.05, 0, 0});
+  DepthFusion fusion;
+  EXPECT_FALSE(fusion.Correct(PoseAt(1 * kPeriod_ns, elsewhere), EstimateAt(Rigid3())));
+  EXPECT_FALSE(fusion.Correct(PoseAt(2 * kPeriod_ns, elsewhere * elsewhere), EstimateAt(Rigid3())));
+  EXPECT_EQ(fusion.contradictions(), 2);
+  EXPECT_EQ(fusion.agreed_ns(), 0);
+  EXPECT_NEAR(fusion.velocity_event().x(), 0.05 / 0.033, 1e-6);
+  EXPECT_TRUE(fusion.Correct(PoseAt(3 * kPeriod_ns, Rigid3()), EstimateAt(Rigid3())));
+  EXPECT_EQ(fusion.contradictions(), 0);
+  EXPECT_EQ(fusion.agreed_ns(), 3 * kPeriod_ns);
+}
+
+TEST(DepthFusion, LearnsByHowMuchDepthImagesAreLate) {
+  const double late_s = 0.015;
+  DepthFusion fusion;
+  for (int k = 1; k <= 200; ++k) {
+    const double t_s = 0.033 * k;
+    const Vector6d velocity = std::cos(3 * t_s) * (Vector6d() << 0.4, 0.1, -0.2, 0.3, -0.5, 0.1).finished();
+    DepthPose pose = PoseAt(k * kPeriod_ns, Exp((late_s - fusion.delay_s()) * velocity));
+    pose.per_delay = velocity;
+    EXPECT_TRUE(fusion.Correct(pose, EstimateAt(Rigid3()))) << k;
+  }
+  EXPECT_NEAR(fusion.delay_s(), late_s, 1e-3);
+}
+
+}  // namespace
+}  // namespace devo

@@ -19,20 +19,22 @@ constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
 
-/// What the depth images are taken with: those made of sweeps are in the undistorted event image.
-Camera DepthCamera(const Rig& rig) {
-  if (rig.depth_from_lidar) return rig.event_camera.Undistorted();
-  return rig.depth_registered ? rig.event_camera : rig.depth_camera;
+/// With the camera and the pose of the depth images: those made of sweeps are in the undistorted event image.
+Rig DepthImageRig(Rig rig) {
+  if (rig.depth_from_lidar)
+    rig.depth_camera = rig.event_camera.Undistorted();
+  else if (rig.depth_registered)
+    rig.depth_camera = rig.event_camera;
+  if (rig.depth_registered || rig.depth_from_lidar) rig.T_event_depth = Rigid3();
+  return rig;
 }
 
 }  // namespace
 
 Mapper::Mapper(const Rig& rig, const OdometryOptions& options)
-    : rig_(rig), options_(options), camera_(rig.event_camera.Undistorted()),
-      registration_(camera_, DepthCamera(rig), options.mapping), lidar_(camera_, rig.T_event_depth, options.mapping),
-      map_(camera_, options.mapping) {
-  if (rig_.depth_registered || rig_.depth_from_lidar) rig_.T_event_depth = Rigid3();
-}
+    : rig_(DepthImageRig(rig)), options_(options), camera_(rig.event_camera.Undistorted()),
+      registration_(camera_, rig_.depth_camera, options.mapping), lidar_(camera_, rig.T_event_depth, options.mapping),
+      map_(camera_, options.mapping), depth_keyframes_(rig_) {}
 
 void Mapper::Reset() {
   surfaces_.clear();
@@ -45,6 +47,9 @@ void Mapper::Reset() {
   event_delay_ns_ = 0;
   trackable_ = begin_chapter_ = false;
   map_.Clear();
+  depth_keyframes_.Clear();
+  depth_poses_.clear();
+  depth_delay_s_ = 0;
   occluder_.reset();
   T_world_local_.reset();
   scene_depth_ = SceneDepth();
@@ -72,6 +77,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
   event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
+  depth_delay_s_ = pose.depth_delay_s;
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
                pose.state == TrackingState::kRecovered;
   if (trackable_ && !map_.empty() && pose.chapter != map_.chapter()) map_.ReturnTo(pose.chapter);
@@ -81,7 +87,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
 void Mapper::AddDepth(const DepthImage& depth) {
   ++counters_.depth_in;
   depths_.push_back(depth);
-  depths_.back().t_ns += event_delay_ns_;
+  depths_.back().t_ns += event_delay_ns_ + NsFromSeconds(depth_delay_s_);
   if (depths_.size() > kMaxDepths) depths_.pop_front();
 }
 
@@ -113,12 +119,25 @@ bool Mapper::UpdateFromDepth() {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
+    AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) changed |= Process(depth, surface);
     depths_.pop_front();
   }
   return changed;
+}
+
+void Mapper::AlignDepth(const DepthImage& depth) {
+  if (!options_.mapping.align_depth || map_.empty()) return;
+  const auto T_world_then = poses_.At(depth.t_ns, 0.05);
+  if (!T_world_then) return;
+  auto pose = depth_keyframes_.Align(depth, {*T_world_then, velocity_, depth_delay_s_, map_.chapter(), trackable_});
+  if (!pose) return;
+  ++counters_.depth_aligned;
+  pose->t_ns = depth.t_ns;
+  pose->epoch = epoch_;
+  depth_poses_.push_back(*pose);
 }
 
 bool Mapper::UpdateFromSweeps() {

@@ -42,6 +42,7 @@ struct Tracked {
 
 struct Mapped {
   LocalMapPtr map;  // null where it did not change
+  std::vector<DepthPose> depth_poses;
   SceneDepth scene_depth;
   Mapper::Counters counters;
   float ms;
@@ -117,7 +118,7 @@ void Odometry::Step() {
     m.mapper.AddSurface(surface);
     if (pose) m.mapper.AddPose(*pose);
     LocalMapPtr map = m.mapper.Update();
-    return {std::move(map), m.mapper.scene_depth(), m.mapper.counters(), mapping.ms()};
+    return {std::move(map), m.mapper.TakeDepthPoses(), m.mapper.scene_depth(), m.mapper.counters(), mapping.ms()};
   }));
   if (!m.threaded) TakePose();
 }
@@ -139,6 +140,7 @@ void Odometry::TakeMaps(std::size_t but_last) {
     m.timings.mapping_ms.push_back(mapped.ms);
     m.scene_depth = mapped.scene_depth;
     m.mapper_counters = mapped.counters;
+    for (const DepthPose& pose : mapped.depth_poses) m.tracker.AddDepthPose(pose);
     if (!mapped.map) continue;
     m.tracker.SetMap(mapped.map);
     if (on_local_map) on_local_map(mapped.map);
@@ -173,7 +175,8 @@ const Odometry::Counters& Odometry::counters() const {
   const Impl& m = *impl_;
   const auto& s = m.surfaces.counters();
   const auto& d = m.mapper_counters;
-  m.counters = {s.in,        s.used, s.outside, s.unordered, d.depth_in, d.depth_used, d.depth_without_valid_pixel,
+  m.counters = {s.in,        s.used,       s.outside,       s.unordered,
+                d.depth_in,  d.depth_used, d.depth_aligned, d.depth_without_valid_pixel,
                 d.references};
   return m.counters;
 }

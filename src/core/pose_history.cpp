@@ -13,6 +13,10 @@ void PoseHistory::Add(std::int64_t t_ns, const Rigid3& T_world_event) {
   while (SecondsFromNs(t_ns - poses_.front().t_ns) > length_s_) poses_.pop_front();
 }
 
+void PoseHistory::Move(const Rigid3& T_new_old) {
+  for (Stamped& pose : poses_) pose.T_world_event = T_new_old * pose.T_world_event;
+}
+
 std::optional<Rigid3> PoseHistory::At(std::int64_t t_ns, double extrapolate_s) const {
   if (poses_.empty()) return std::nullopt;
   const double before_s = SecondsFromNs(poses_.front().t_ns - t_ns);

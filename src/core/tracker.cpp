@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 
@@ -31,6 +32,9 @@ constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
+// So many depth images in a row that contradict a pose without events are right.
+constexpr int kContradictions = 2;
+constexpr double kHeld_m = 5e-3;  // a pose is held as if it were known so well: farther off, the camera has moved
 constexpr double kStartsTogether_s = 0.1;  // two poses found within this time tell the velocity
 constexpr double kMaxWait_s = 0.15;        // a map is made in less, depth's way through a driver included
 // A camera slows down over several surfaces; where this many times the events of a standstill end within
@@ -64,6 +68,40 @@ void Tracker::SetMap(LocalMapPtr map) {
   map_ = std::move(map);
 }
 
+void Tracker::AddDepthPose(const DepthPose& depth) {
+  if (!map_ || depth.epoch != epoch_ || depth.chapter != map_->chapter || !motion_.started()) return;
+  const auto T_world_then = history_.At(depth.t_ns);
+  if (!T_world_then) return;
+  const Rigid3 T_world_now = motion_.pose();
+  const double since_s = SecondsFromNs(motion_.time_ns() - depth.t_ns);
+  Matrix6d covariance = motion_.pose_covariance();
+  if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
+  const auto correction =
+      depth_fusion_.Correct(depth, {*T_world_then, T_world_now, covariance,
+                                    since_s * since_s * motion_.Predict(motion_.time_ns()).velocity_covariance});
+  if (correction && !held_) {
+    const Rigid3 T_world_moved = T_world_now * Exp(correction->moved);
+    motion_.Update(motion_.time_ns(), T_world_moved, correction->information);
+    history_.Move(T_world_moved * T_world_now.inverse());
+  } else if (!correction) {
+    Contradict(depth, depth.T_world_event * (T_world_then->inverse() * T_world_now));
+  }
+}
+
+void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
+  const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
+  if (by_events) {
+    T_world_by_depth_ = T_world_now;
+  } else if (depth_fusion_.contradictions() >= kContradictions) {
+    const std::int64_t now_ns = motion_.time_ns();
+    const Vector6d& velocity = depth_fusion_.velocity_event();
+    StartAt(now_ns, depth.T_world_event * Exp(velocity * SecondsFromNs(now_ns - depth.t_ns)), velocity);
+    last_active_ns_ = now_ns;
+    missing_ = coasted_ = true;
+    held_ = false;
+  }
+}
+
 void Tracker::BeginChapter(const LocalMap& map) {
   chapter_covariance_.resize(static_cast<std::size_t>(map.chapter) + 1, Matrix6d::Zero());
   if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
@@ -77,6 +115,10 @@ void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event) {
   const double since_s = SecondsFromNs(t_ns - started_ns_);
   Vector6d velocity = Vector6d::Zero();
   if (since_s > 0 && since_s < kStartsTogether_s) velocity = Log(T_world_started_.inverse() * T_world_event) / since_s;
+  StartAt(t_ns, T_world_event, velocity);
+}
+
+void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity) {
   motion_.Start(t_ns, T_world_event, velocity);
   history_.Clear();
   started_ns_ = t_ns;
@@ -87,6 +129,9 @@ void Tracker::Reset() {
   map_.reset();
   motion_.Reset();
   history_.Clear();
+  depth_fusion_.Reset();
+  held_ = coasting_ = false;
+  T_world_by_depth_.reset();
   inertial_.Clear();
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
@@ -128,11 +173,12 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   missing_ = surface.still && (missing_ || EventsEndedSuddenly()) && unseen_s < kMaxCoast_s;
-  const bool coasting = missing_ || (surface.still && unseen_s < kMaxCoast_s && IsMoving(surface.t_edges_ns, unseen_s));
+  coasting_ = missing_ || (surface.still && unseen_s < kMaxCoast_s && IsMoving(surface.t_edges_ns, unseen_s));
+  held_ = surface.still && !coasting_;
   if (surface.t_edges_ns > motion_.time_ns()) {
     if (!surface.still) {
       Register(surface, &pose);
-    } else if (coasting) {
+    } else if (coasting_) {
       Coast(surface.t_edges_ns, &pose);
     } else {
       HoldStill(surface.t_edges_ns, &pose);
@@ -144,7 +190,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
   pose.chapter = map_->chapter;
   pose.state = state_;
-  ContinueToNow(surface.still && !coasting, &pose);
+  ContinueToNow(held_, &pose);
   return pose;
 }
 
@@ -168,6 +214,7 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   Advance(t_shown_ns, &ahead);
   const auto now = ahead.Predict(t_shown_ns);
   pose->T_world_event = held ? motion_.pose() : now.T_world_event;
+  pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = MeanVelocity();
   pose->covariance_event = now.covariance;
   const auto chapter = static_cast<std::size_t>(pose->chapter);
@@ -251,12 +298,13 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
     return;
   }
+  const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);
   const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
   const bool search = unsure_ || (suspicious && (coasted_ || suspicious_in_a_row_ % search_every == search_every - 1));
   unsure_ = false;
-  if (search && Recover(surface, &result)) {
+  if (found || (search && Recover(surface, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
   } else if (lost && suspicious) {
@@ -276,6 +324,17 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   UpdateState(pose);
 }
 
+bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event,
+                         AlignmentResult* result) {
+  const auto T_world_by_depth = std::exchange(T_world_by_depth_, std::nullopt);
+  if (!T_world_by_depth) return false;
+  prior.T_event_ref = T_world_by_depth->inverse() * map_->T_world_ref;
+  AlignmentResult by_depth = Align(map_->points, surface, camera_, prior, velocity_event, options_);
+  if (!by_depth.T_event_ref.IsFinite() || by_depth.inlier_share < result->inlier_share + kBetterBy) return false;
+  *result = std::move(by_depth);
+  return true;
+}
+
 bool Tracker::Recover(const Surface& surface, AlignmentResult* result) {
   if (!options_.tracking.ideas.search) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
@@ -292,7 +351,8 @@ void Tracker::UpdateState(PoseEstimate* pose) {
   suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
   const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
   usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
-  if (bad_in_a_row_ >= Surfaces(kLostAfter_s)) {
+  const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.agreed_ns()) < kLostAfter_s;
+  if (bad_in_a_row_ >= Surfaces(kLostAfter_s) && !by_depth) {
     state_ = TrackingState::kLost;
   } else if (pose->inlier_share < kDegradedShare || (state_ == TrackingState::kLost && suspicious_in_a_row_ > 0)) {
     if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;

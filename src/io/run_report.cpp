@@ -46,6 +46,7 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
   covariances_.push_back(estimate.covariance_event);
   event_delay_s_ = estimate.event_delay_s;
+  depth_delay_s_ = estimate.depth_delay_s;
   chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
 
@@ -65,6 +66,7 @@ std::string RunReport::ToJson() const {
   json["coverage"] = Coverage(end_ns);
   json["chapters"] = chapters_;
   json["event_delay_ms"] = 1e3 * event_delay_s_;
+  json["depth_delay_ms"] = 1e3 * depth_delay_s_;
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,
                            TrackingState::kLost, TrackingState::kRecovered}) {
     json["poses_by_state"][ToString(state)] = poses_by_state_[static_cast<int>(state)];
@@ -89,6 +91,7 @@ std::string RunReport::ToJson() const {
                     {"summed_over_surfaces", counters.events_used}};
   json["depth_frames"] = {{"in", counters.depth_in},
                           {"used", counters.depth_used},
+                          {"aligned", counters.depth_aligned},
                           {"without_valid_pixel", counters.depth_without_valid_pixel},
                           {"skipped_by_rate", depth_skipped_by_rate},
                           {"unordered", depth_unordered}};

@@ -75,6 +75,21 @@ ros::Time ReadTime(IStream& stream) {
   return stamp;
 }
 
+/// A fixed array of numbers, row by row.
+template <typename Stream, int kRows, int kCols>
+void WriteMatrix(Stream& stream, const Eigen::Matrix<double, kRows, kCols>& matrix) {
+  for (int row = 0; row < kRows; ++row) {
+    for (int col = 0; col < kCols; ++col) stream.next(matrix(row, col));
+  }
+}
+
+template <int kRows, int kCols>
+void ReadMatrix(IStream& stream, Eigen::Matrix<double, kRows, kCols>& matrix) {
+  for (int row = 0; row < kRows; ++row) {
+    for (int col = 0; col < kCols; ++col) stream.next(matrix(row, col));
+  }
+}
+
 template <typename Stream>
 void WritePose(Stream& stream, const Rigid3& T) {
   stream.next(ToPoseMsg(T));
@@ -141,11 +156,10 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   WritePose(stream, estimate.T_world_event);
   stream.next(ToRosTime(estimate.t_edges_ns));
   WritePose(stream, estimate.T_world_event_edges);
-  for (int i = 0; i < 6; ++i) stream.next(estimate.velocity_event(i));
-  for (int row = 0; row < 6; ++row) {
-    for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
-  }
+  WriteMatrix(stream, estimate.velocity_event);
+  WriteMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
+  stream.next(estimate.depth_delay_s);
   stream.next(static_cast<std::int32_t>(estimate.chapter));
   stream.next(static_cast<std::uint8_t>(estimate.needs_map));
   stream.next(static_cast<std::uint8_t>(estimate.state));
@@ -162,11 +176,10 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   estimate.T_world_event = ReadPose(stream);
   estimate.t_edges_ns = FromRosTime(ReadTime(stream));
   estimate.T_world_event_edges = ReadPose(stream);
-  for (int i = 0; i < 6; ++i) stream.next(estimate.velocity_event(i));
-  for (int row = 0; row < 6; ++row) {
-    for (int col = 0; col < 6; ++col) stream.next(estimate.covariance_event(row, col));
-  }
+  ReadMatrix(stream, estimate.velocity_event);
+  ReadMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
+  stream.next(estimate.depth_delay_s);
   stream.next(estimate.chapter);
   std::uint8_t needs_map = 0;
   stream.next(needs_map);
@@ -221,6 +234,25 @@ void ReadMessage(IStream& stream, SceneDepth& depth) {
   ReadMat(stream, height, width, "SceneInverseDepth.inverse_depth", depth.inverse_depth);
 }
 
+template <typename Stream>
+void WriteMessage(Stream& stream, const DepthPose& pose) {
+  stream.next(ToRosTime(pose.t_ns));
+  stream.next(pose.epoch);
+  stream.next(static_cast<std::int32_t>(pose.chapter));
+  WritePose(stream, pose.T_world_event);
+  WriteMatrix(stream, pose.information);
+  WriteMatrix(stream, pose.per_delay);
+}
+
+void ReadMessage(IStream& stream, DepthPose& pose) {
+  pose.t_ns = FromRosTime(ReadTime(stream));
+  stream.next(pose.epoch);
+  stream.next(pose.chapter);
+  pose.T_world_event = ReadPose(stream);
+  ReadMatrix(stream, pose.information);
+  ReadMatrix(stream, pose.per_delay);
+}
+
 template void WriteMessage(OStream&, const Surface&);
 template void WriteMessage(LStream&, const Surface&);
 template void WriteMessage(OStream&, const PoseEstimate&);
@@ -229,5 +261,7 @@ template void WriteMessage(OStream&, const LocalMap&);
 template void WriteMessage(LStream&, const LocalMap&);
 template void WriteMessage(OStream&, const SceneDepth&);
 template void WriteMessage(LStream&, const SceneDepth&);
+template void WriteMessage(OStream&, const DepthPose&);
+template void WriteMessage(LStream&, const DepthPose&);
 
 }  // namespace devo

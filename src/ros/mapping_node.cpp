@@ -55,6 +55,7 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
     throw std::invalid_argument("topics.depth is empty; expected the topic of the depth images");
 
   map_publisher_ = nh_.advertise<LocalMap>(topics::kSemiDenseMap, 4);
+  depth_pose_publisher_ = nh_.advertise<DepthPose>(topics::kDepthPose, 8);
   scene_depth_publisher_ = nh_.advertise<SceneDepth>(topics::kSceneDepth, 2);
   local_cloud_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>(topics::kLocalMap, 2, true);
   global_cloud_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>(topics::kGlobalMap, 1, true);
@@ -213,6 +214,9 @@ bool MappingNode::Step() {
       scene_depth_ns_ = mapper_->scene_depth().t_ns;
       scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
     }
+    for (const DepthPose& pose : mapper_->TakeDepthPoses()) {
+      depth_pose_publisher_.publish(boost::make_shared<const DepthPose>(pose));
+    }
     if (map) Publish(map);
     PublishGlobalMap();
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -360,6 +364,7 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("references", counters_.references);
   status.add("points in the global map", global_map_.size());
   status.add("depth images used", counters_.depth_used);
+  status.add("depth images aligned to earlier ones", counters_.depth_aligned);
   status.add("depth images without a valid pixel", counters_.depth_without_valid_pixel);
   status.add("depth images dropped", depth_dropped_);
   status.add("depth images refused", depth_refused_);

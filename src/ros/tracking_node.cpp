@@ -18,6 +18,8 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
+constexpr std::size_t kMaxWaitingDepthPoses = 8;
+
 int LevelOf(TrackingState state) {
   switch (state) {
     case TrackingState::kTracking:
@@ -81,6 +83,10 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   map_subscriber_ = nh_.subscribe<LocalMap>(topics::kSemiDenseMap, 4,
                                             boost::function<void(const boost::shared_ptr<const LocalMap>&)>(
                                                 [this](const boost::shared_ptr<const LocalMap>& map) { OnMap(map); }));
+  depth_pose_subscriber_ =
+      nh_.subscribe<DepthPose>(topics::kDepthPose, 8,
+                               boost::function<void(const boost::shared_ptr<const DepthPose>&)>(
+                                   [this](const boost::shared_ptr<const DepthPose>& pose) { OnDepthPose(pose); }));
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kTracking, config_.odometry,
                                          [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_trajectory", &TrackingNode::OnSaveTrajectory, this);
@@ -95,6 +101,7 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
 TrackingNode::~TrackingNode() {
   surface_subscriber_.shutdown();
   map_subscriber_.shutdown();
+  depth_pose_subscriber_.shutdown();
   tunables_.reset();
   save_service_.shutdown();
   worker_.reset();
@@ -147,9 +154,16 @@ void TrackingNode::OnMap(const boost::shared_ptr<const LocalMap>& map) {
   new_map_ = map;
 }
 
+void TrackingNode::OnDepthPose(const boost::shared_ptr<const DepthPose>& pose) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  depth_poses_.push_back(pose);
+  if (depth_poses_.size() > kMaxWaitingDepthPoses) depth_poses_.erase(depth_poses_.begin());
+}
+
 bool TrackingNode::Step() {
   SurfaceConstPtr surface;
   boost::shared_ptr<const LocalMap> map;
+  std::vector<boost::shared_ptr<const DepthPose>> depth_poses;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_tracker_) {
@@ -161,6 +175,7 @@ bool TrackingNode::Step() {
     surface = surfaces_.front();
     surfaces_.pop_front();
     map.swap(new_map_);
+    depth_poses.swap(depth_poses_);
   }
   try {
     if (epoch_ && *epoch_ != surface->epoch) {
@@ -171,6 +186,7 @@ bool TrackingNode::Step() {
     }
     epoch_ = surface->epoch;
     const ros::WallTime begin = ros::WallTime::now();
+    for (const auto& pose : depth_poses) tracker_->AddDepthPose(*pose);
     if (map) {
       map_ = map;
       tracker_->SetMap(ToStd(map));
@@ -287,6 +303,7 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.addf("matched share", "%.2f", last_.inlier_share);
   status.addf("mean residual (px)", "%.2f", last_.mean_residual_px);
   status.addf("delay of events (ms)", "%.1f", 1e3 * last_.event_delay_s);
+  status.addf("delay of depth images (ms)", "%.1f", 1e3 * last_.depth_delay_s);
   status.addf("tracking p50 (ms)", "%.2f", tracking_ms_.At(0.5));
   status.addf("tracking p99 (ms)", "%.2f", tracking_ms_.At(0.99));
   status.addf("tracking max (ms)", "%.2f", tracking_ms_.At(1));

@@ -12,6 +12,7 @@
 
 #include "devo/core/crests.h"
 #include "devo/core/time.h"
+#include "depth_scene.h"
 
 namespace devo {
 namespace {
@@ -308,6 +309,36 @@ TEST(Mapper, ForgetsItsMapWhenASurfaceOfANewEpochComes) {
 }
 
 /// A wall 2 m away as a LiDAR of 16 beams sees it in a tenth of a second, of which the camera sees the middle third.
+/// What the mapper says of depth images of a room's corner, the last of them off its predicted pose by this.
+std::vector<DepthPose> PosesByDepth(const OdometryOptions& options, const Rigid3& off) {
+  Rig rig = TestRig();
+  rig.depth_registered = false;
+  rig.depth_camera = DepthSceneCamera();
+  Mapper mapper(rig, options);
+  std::vector<DepthPose> poses;
+  for (int k = 1; k <= 5; ++k) {
+    mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
+    if (k > 1) mapper.AddPose(PoseAt(100 * k * kMs));
+    mapper.AddDepth({100 * k * kMs, DepthSeen(k < 5 ? Rigid3() : off, 0.002, DepthScene::kRoom, k)});
+    mapper.Update();
+    poses = mapper.TakeDepthPoses();
+  }
+  EXPECT_TRUE(mapper.TakeDepthPoses().empty()) << "each is given once";
+  EXPECT_EQ(mapper.counters().depth_aligned, options.mapping.align_depth ? 3U : 0U);
+  return poses;
+}
+
+TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
+  const Rigid3 off = Exp((Vector6d() << 0.01, -0.02, 0.01, 0.01, 0.01, -0.01).finished());
+  OdometryOptions options;
+  const auto poses = PosesByDepth(options, off);
+  ASSERT_THAT(poses, SizeIs(1));
+  EXPECT_EQ(poses[0].t_ns, 500 * kMs);
+  EXPECT_LT(Log(off.inverse() * poses[0].T_world_event).norm(), 2e-3);
+  options.mapping.align_depth = false;
+  EXPECT_TRUE(PosesByDepth(options, off).empty());
+}
+
 LidarSweep WallSweep(std::int64_t end_ns) {
   LidarSweep sweep;
   sweep.end_ns = end_ns;

@@ -360,5 +360,75 @@ TEST(Tracker, OnlyRemembersAMapOfAnotherChapterWhileItIsNotLost) {
   EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
 }
 
+/// What a depth image says that shows the camera at this pose.
+DepthPose ByDepth(std::int64_t t_ns, const Rigid3& T_world_event) {
+  DepthPose pose;
+  pose.t_ns = t_ns;
+  pose.T_world_event = T_world_event;
+  pose.information = 1e6 * Matrix6d::Identity();  // a millimetre and milliradian
+  return pose;
+}
+
+TEST(Tracker, IsMovedByDepthAsFarAsThatIsBetterKnown) {
+  const auto tracker = Moving(), alone = Moving();
+  const Rigid3 off = Rigid3::Translation({0.002, 0, 0});
+  tracker->AddDepthPose(ByDepth(kNow_ns - kPeriod_ns, TrueAt(kNow_ns - kPeriod_ns) * off));
+  const std::int64_t next_ns = kNow_ns + kPeriod_ns;
+  const auto moved = tracker->Track(Seen(next_ns, TrueAt(next_ns))),
+             unmoved = alone->Track(Seen(next_ns, TrueAt(next_ns)));
+  const Vector6d difference = Log(unmoved->T_world_event.inverse() * moved->T_world_event);
+  EXPECT_GT(difference.x(), 1e-5);
+  EXPECT_LT(difference.norm(), 2e-3);
+  EXPECT_LT((tracker->MeanVelocity() - alone->MeanVelocity()).norm(), 0.02) << "a correction is no velocity";
+}
+
+TEST(Tracker, GoesOnByDepthWhereEventsAreMissing) {
+  const auto tracker = Moving();
+  Vector6d back = -2 * Twist();  // no prediction knows that
+  const auto at = [&](int k) { return TrueAt(kNow_ns) * Exp(back * SecondsFromNs(k * kPeriod_ns)); };
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 60; ++k) {
+    if (k > 4 && k % 3 == 0) tracker->AddDepthPose(ByDepth(kNow_ns + (k - 3) * kPeriod_ns, at(k - 3)));
+    pose = tracker->Track(Still(kNow_ns + k * kPeriod_ns, 0));
+    ASSERT_NE(pose->state, TrackingState::kLost) << k;
+  }
+  EXPECT_LT(Log(at(60).inverse() * pose->T_world_event).norm(), 0.03);
+  EXPECT_GT(Log(TrueAt(kNow_ns).inverse() * at(60)).norm(), 0.3);
+}
+
+TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionThatItShows) {
+  const auto tracker = Moving();
+  std::optional<PoseEstimate> pose;
+  std::int64_t t_ns = kNow_ns;
+  for (int k = 0; k < 200; ++k) pose = tracker->Track(Still(t_ns += kPeriod_ns));
+  const Rigid3 held = pose->T_world_event;
+  for (int k = 0; k < 20; ++k) {
+    tracker->AddDepthPose(ByDepth(t_ns, held * Rigid3::Translation({k % 2 ? 0.001 : -0.001, 0, 0})));
+    pose = tracker->Track(Still(t_ns += kPeriod_ns));
+  }
+  EXPECT_LT(Log(held.inverse() * pose->T_world_event).norm(), 1e-9);
+  for (int k = 1; k <= 10; ++k) {
+    tracker->AddDepthPose(ByDepth(t_ns, held * Rigid3::Translation({0.02 * k, 0, 0})));
+    for (int i = 0; i < 3; ++i) pose = tracker->Track(Still(t_ns += kPeriod_ns));
+  }
+  EXPECT_NEAR((held.inverse() * pose->T_world_event).translation().x(), 0.2, 0.03);
+}
+
+TEST(Tracker, IsBroughtBackByDepthFromAPoseThatIsWrong) {
+  OdometryOptions options;
+  options.tracking.ideas.search = false;
+  Tracker tracker(TestCamera(), options);
+  tracker.SetMap(Map());
+  for (int k = 1; k <= 50; ++k) tracker.Track(Seen(k * kPeriod_ns, Rigid3()));
+  const Rigid3 jumped = Exp((Vector6d() << 0.05, 0.05, 0, 0.1, -0.1, 0.2).finished());
+  for (int k = 51; k <= 60; ++k) tracker.Track(Seen(k * kPeriod_ns, jumped));
+  auto pose = tracker.Track(Seen(61 * kPeriod_ns, jumped));
+  ASSERT_GT(Log(jumped.inverse() * pose->T_world_event).norm(), 0.05);
+  tracker.AddDepthPose(ByDepth(61 * kPeriod_ns, jumped));
+  tracker.AddDepthPose(ByDepth(61 * kPeriod_ns + 1, jumped));
+  for (int k = 62; k <= 66; ++k) pose = tracker.Track(Seen(k * kPeriod_ns, jumped));
+  EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 2e-3);
+}
+
 }  // namespace
 }  // namespace devo

@@ -60,6 +60,7 @@ PoseEstimate SomePose() {
   estimate.inlier_share = 0.75;
   estimate.mean_residual_px = 0.3;
   estimate.event_delay_s = 0.004;
+  estimate.depth_delay_s = -0.007;
   estimate.chapter = 2;
   estimate.needs_map = true;
   estimate.iterations = 8;
@@ -151,6 +152,7 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.inlier_share, 0.75);
   EXPECT_DOUBLE_EQ(message.mean_residual_px, 0.3);
   EXPECT_DOUBLE_EQ(message.event_delay_s, 0.004);
+  EXPECT_DOUBLE_EQ(message.depth_delay_s, -0.007);
   EXPECT_EQ(message.chapter, 2);
   EXPECT_TRUE(message.needs_map);
   EXPECT_EQ(message.iterations, 8);
@@ -200,6 +202,25 @@ TEST(CoreMessages, ASceneDepthWithAndWithoutAGridSurvivesARoundTrip) {
   EXPECT_EQ(message.height, 3U);
   EXPECT_FLOAT_EQ(message.inverse_depth[5], 0.25F);
   EXPECT_EQ(Bytes(FromBytes<SceneDepth>(bytes)), bytes);
+}
+
+TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
+  DepthPose pose;
+  pose.t_ns = 12'000'000'034;
+  pose.epoch = 2;
+  pose.chapter = 4;
+  pose.T_world_event = Rigid3(Eigen::Quaterniond(0.5, -0.5, 0.5, 0.5), {1, -2, 3});
+  for (int i = 0; i < 36; ++i) pose.information(i / 6, i % 6) = i;
+  pose.per_delay << 1, 2, 3, 4, 5, 6;
+  const auto bytes = Bytes(pose);
+  const auto message = FromBytes<PoseByDepth>(bytes);
+  EXPECT_EQ(message.stamp.toNSec(), 12'000'000'034U);
+  EXPECT_EQ(message.epoch, 2U);
+  EXPECT_EQ(message.chapter, 4);
+  EXPECT_DOUBLE_EQ(message.T_world_event.position.z, 3);
+  EXPECT_DOUBLE_EQ(message.information[1 * 6 + 2], 8);
+  EXPECT_DOUBLE_EQ(message.per_delay[5], 6);
+  EXPECT_EQ(Bytes(FromBytes<DepthPose>(bytes)), bytes);
 }
 
 TEST(CoreMessages, TruncatedBytesAreRefused) {

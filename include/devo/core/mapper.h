@@ -6,10 +6,13 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "devo/core/camera.h"
 #include "devo/core/depth_image.h"
+#include "devo/core/depth_keyframes.h"
+#include "devo/core/depth_pose.h"
 #include "devo/core/depth_registration.h"
 #include "devo/core/lidar_accumulator.h"
 #include "devo/core/lidar_sweep.h"
@@ -43,6 +46,9 @@ class Mapper {
   /// view has moved on), else null.
   LocalMapPtr Update();
 
+  /// Where the camera was by the depth images that the last Update processed, if they say so; empties.
+  std::vector<DepthPose> TakeDepthPoses() { return std::exchange(depth_poses_, {}); }
+
   const SceneDepth& scene_depth() const { return scene_depth_; }
 
   /// A depth image, the surface that it met and how they lie to each other: what tells whether depth fits the events.
@@ -64,8 +70,9 @@ class Mapper {
   void Reset();
 
   struct Counters {
-    std::uint64_t depth_in = 0;    ///< depth images or sweeps added
-    std::uint64_t depth_used = 0;  ///< of these, met with a surface and a pose
+    std::uint64_t depth_in = 0;       ///< depth images or sweeps added
+    std::uint64_t depth_used = 0;     ///< of these, met with a surface and a pose
+    std::uint64_t depth_aligned = 0;  ///< images aligned to an earlier one
     std::uint64_t depth_without_valid_pixel = 0;
     std::uint64_t references = 0;
   };
@@ -76,6 +83,7 @@ class Mapper {
   bool UpdateFromDepth();
   bool UpdateFromSweeps();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
+  void AlignDepth(const DepthImage& depth);
   bool Process(const DepthImage& depth, const SurfacePtr& surface);
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   bool MovedSinceReference(const Rigid3& T_world_event) const;
@@ -85,17 +93,20 @@ class Mapper {
   MapPoint MakePoint(const EdgePoint& edge, float z_m, double window_s) const;
   LocalMapPtr MakeLocalMap();
 
-  Rig rig_;
+  Rig rig_;  // with the depth images' camera and pose
   OdometryOptions options_;
   Camera camera_;  // undistorted event image
   DepthRegistration registration_;
   LidarAccumulator lidar_;
   ReferenceMap map_;
+  DepthKeyframes depth_keyframes_;
+  std::vector<DepthPose> depth_poses_;
   std::deque<SurfacePtr> surfaces_;
   std::deque<DepthImage> depths_;
   std::deque<LidarSweep> sweeps_;
   DepthImage lidar_depth_;
   PoseHistory poses_;
+  double depth_delay_s_ = 0;
   std::int64_t event_delay_ns_ = 0;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
   bool trackable_ = false, begin_chapter_ = false;

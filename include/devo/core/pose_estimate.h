@@ -32,6 +32,7 @@ struct PoseEstimate {
   /// inertial sensor. T_world_event is where the camera was at `t_ns` all the same; `t_edges_ns` is the events' own
   /// time.
   double event_delay_s = 0;
+  double depth_delay_s = 0;  ///< by how much depth images are later than their stamps say
   int chapter = 0;         ///< of the map that it is registered to; between chapters, poses are related by a guess only
   bool needs_map = false;  ///< lost for so long that a new chapter is to begin here
   TrackingState state = TrackingState::kInitialising;

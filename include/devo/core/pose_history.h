@@ -22,6 +22,9 @@ class PoseHistory {
   /// `extrapolate_s` before its begin or after its end with the velocity there. Empty otherwise.
   std::optional<Rigid3> At(std::int64_t t_ns, double extrapolate_s = 0) const;
 
+  /// Left-multiplies all poses: they were measured in a world that was off by this.
+  void Move(const Rigid3& T_new_old);
+
   bool empty() const { return poses_.empty(); }
   std::int64_t last_time_ns() const { return poses_.back().t_ns; }
   const Rigid3& last() const { return poses_.back().T_world_event; }

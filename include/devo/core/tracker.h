@@ -10,6 +10,8 @@
 
 #include "devo/core/alignment.h"
 #include "devo/core/camera.h"
+#include "devo/core/depth_fusion.h"
+#include "devo/core/depth_pose.h"
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/local_map.h"
 #include "devo/core/motion_filter.h"
@@ -37,6 +39,9 @@ class Tracker {
   /// An inertial sensor's sample, optional; before the surfaces later than it.
   void AddImu(const ImuSample& sample) { inertial_.Add(sample); }
 
+  /// Where the camera was a moment ago, by depth: moves the pose as far as that is better known, in the map's chapter.
+  void AddDepthPose(const DepthPose& depth);
+
   /// Pose at the surface's time; empty as long as there is no map. Surfaces must come in the order of their
   /// time; one of a new epoch resets the tracker.
   std::optional<PoseEstimate> Track(const Surface& surface);
@@ -55,6 +60,11 @@ class Tracker {
   /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
+  void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);
+  /// A pose by depth, moved to now, does not fit: without events it is believed when another says so, too.
+  void Contradict(const DepthPose& depth, const Rigid3& T_world_now);
+  /// From where depth contradicts; false: that is no better.
+  bool TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event, AlignmentResult* result);
   void NoteActivity(const Surface& surface);
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
@@ -79,6 +89,9 @@ class Tracker {
   MotionFilter motion_;
   InertialBuffer inertial_;
   PoseHistory history_;
+  DepthFusion depth_fusion_;
+  bool held_ = false, coasting_ = false;    // at the last surface: the camera stood still; events were missing
+  std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
   Relocalizer relocalizer_;
   std::uint64_t epoch_ = 0;
   TrackingState state_ = TrackingState::kInitialising;

@@ -57,7 +57,7 @@ class RunReport {
   Trajectory trajectory_;
   std::vector<Matrix6d> covariances_;
   int chapters_ = 0;
-  double event_delay_s_ = 0;  // of the last pose
+  double event_delay_s_ = 0, depth_delay_s_ = 0;  // of the last pose
   std::vector<Interval> lost_;
   bool lost_now_ = false;
   std::optional<std::int64_t> first_reference_ns_;

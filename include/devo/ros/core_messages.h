@@ -3,7 +3,7 @@
 // Makes the core's frozen structs ROS messages, as pcl_ros does with point clouds: within a process publisher and
 // subscriber share one object; between processes, and in a bag, they have the layout and md5 of the .msg file of the
 // same content (Surface: TimeSurface, PoseEstimate: TrackedPose, LocalMap: SemiDenseMap, SceneDepth:
-// SceneInverseDepth), so that rostopic understands them.
+// SceneInverseDepth, DepthPose: PoseByDepth), so that rostopic understands them.
 #pragma once
 
 #include <memory>
@@ -12,10 +12,12 @@
 #include <ros/serialization.h>
 #include <boost/shared_ptr.hpp>
 
+#include "devo/PoseByDepth.h"
 #include "devo/SceneInverseDepth.h"
 #include "devo/SemiDenseMap.h"
 #include "devo/TimeSurface.h"
 #include "devo/TrackedPose.h"
+#include "devo/core/depth_pose.h"
 #include "devo/core/local_map.h"
 #include "devo/core/pose_estimate.h"
 #include "devo/core/surface.h"
@@ -44,10 +46,13 @@ template <typename Stream>
 void WriteMessage(Stream& stream, const LocalMap& map);
 template <typename Stream>
 void WriteMessage(Stream& stream, const SceneDepth& depth);
+template <typename Stream>
+void WriteMessage(Stream& stream, const DepthPose& pose);
 void ReadMessage(ros::serialization::IStream& stream, Surface& surface);
 void ReadMessage(ros::serialization::IStream& stream, PoseEstimate& estimate);
 void ReadMessage(ros::serialization::IStream& stream, LocalMap& map);
 void ReadMessage(ros::serialization::IStream& stream, SceneDepth& depth);
+void ReadMessage(ros::serialization::IStream& stream, DepthPose& pose);
 
 }  // namespace devo
 
@@ -87,6 +92,7 @@ DEVO_CORE_MESSAGE(devo::Surface, devo::TimeSurface)
 DEVO_CORE_MESSAGE(devo::PoseEstimate, devo::TrackedPose)
 DEVO_CORE_MESSAGE(devo::LocalMap, devo::SemiDenseMap)
 DEVO_CORE_MESSAGE(devo::SceneDepth, devo::SceneInverseDepth)
+DEVO_CORE_MESSAGE(devo::DepthPose, devo::PoseByDepth)
 #undef DEVO_CORE_MESSAGE
 
 }  // namespace message_traits
@@ -118,6 +124,8 @@ template <>
 struct Serializer<devo::LocalMap> : CoreSerializer<devo::LocalMap> {};
 template <>
 struct Serializer<devo::SceneDepth> : CoreSerializer<devo::SceneDepth> {};
+template <>
+struct Serializer<devo::DepthPose> : CoreSerializer<devo::DepthPose> {};
 
 }  // namespace serialization
 }  // namespace ros

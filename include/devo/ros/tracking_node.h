@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <image_transport/image_transport.h>
 #include <ros/node_handle.h>
@@ -48,6 +49,7 @@ class TrackingNode {
   void OnOptions(const OdometryOptions& options);
   void OnSurface(const SurfaceConstPtr& surface);
   void OnMap(const boost::shared_ptr<const LocalMap>& map);
+  void OnDepthPose(const boost::shared_ptr<const DepthPose>& pose);
   bool OnSaveTrajectory(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   void FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status);
 
@@ -71,6 +73,7 @@ class TrackingNode {
   std::mutex mutex_;
   std::deque<SurfaceConstPtr> surfaces_;
   boost::shared_ptr<const LocalMap> new_map_;
+  std::vector<boost::shared_ptr<const DepthPose>> depth_poses_;
   std::unique_ptr<Tracker> new_tracker_;
   std::unique_ptr<OdometryPublisher> new_publisher_;
   bool options_changed_ = false;        // in config_.odometry, until the worker's tracker has them
@@ -94,7 +97,7 @@ class TrackingNode {
   image_transport::ImageTransport image_transport_;
   image_transport::Publisher reprojection_publisher_;
   ros::Publisher tracked_pose_publisher_;
-  ros::Subscriber surface_subscriber_, map_subscriber_;
+  ros::Subscriber surface_subscriber_, map_subscriber_, depth_pose_subscriber_;
   std::unique_ptr<Tunables> tunables_;
   ros::ServiceServer save_service_;
   std::unique_ptr<GroundTruth> ground_truth_;

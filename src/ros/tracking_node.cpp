@@ -32,8 +32,9 @@ int LevelOf(TrackingState state) {
 }  // namespace
 
 TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
-    : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)), health_(nh, private_nh),
-      image_transport_(nh) {
+    : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)),
+      trajectory_(static_cast<std::size_t>(ReadInt(private_nh, "trajectory_max_poses", 1'440'000, 1, 100'000'000))),
+      health_(nh, private_nh), image_transport_(nh) {
   frames_.odom = ReadString(private_nh, "odom_frame", "odom");
   frames_.event = ReadString(private_nh, "event_frame", "");
   frames_.base = ReadString(private_nh, "base_frame", "");
@@ -44,8 +45,6 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   trajectory_file_ = ReadPath(private_nh, "trajectory_file", "devo_trajectory.txt");
   save_at_shutdown_ = ReadBool(private_nh, "save_at_shutdown", false);
   surface_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "surface_queue_size", 4, 1, 1000));
-  trajectory_max_poses_ =
-      static_cast<std::size_t>(ReadInt(private_nh, "trajectory_max_poses", 1'440'000, 1, 100'000'000));
   RefuseUnknown(private_nh,
                 WithTunables(Module::kTracking,
                              {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose", "publish_tf",
@@ -182,7 +181,7 @@ bool TrackingNode::Step() {
       publisher_->Clear();
       if (ground_truth_) ground_truth_->Clear();
       const std::lock_guard<std::mutex> lock(mutex_);
-      trajectory_.clear();
+      trajectory_.Clear();
     }
     epoch_ = surface->epoch;
     const ros::WallTime begin = ros::WallTime::now();
@@ -222,11 +221,9 @@ void TrackingNode::Answer(const Surface& surface, const std::optional<PoseEstima
       ++tracked_;
       tracking_ms_.Add(tracking_ms);
       pose_rate_.Add(pose->t_ns);
-      trajectory_.push_back({pose->t_ns, publisher_->frames().T_odom_world * pose->T_world_event});
-      if (trajectory_.size() > trajectory_max_poses_) {
-        trajectory_.pop_front();
-        ++forgotten_;
-      }
+      const std::size_t before = trajectory_.size();
+      trajectory_.Add({pose->t_ns, publisher_->frames().T_odom_world * pose->T_world_event});
+      forgotten_ += trajectory_.size() == before ? 1 : 0;
     } else {
       ++untracked_;
     }
@@ -251,7 +248,7 @@ std::string TrackingNode::SaveTrajectory() {
   Trajectory trajectory;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    trajectory.assign(trajectory_.begin(), trajectory_.end());
+    trajectory = trajectory_.Poses();
   }
   WriteTum(trajectory_file_, trajectory);
   std::string text = std::to_string(trajectory.size()) + " poses written to " + trajectory_file_;

@@ -16,6 +16,7 @@
 #include <std_srvs/Trigger.h>
 
 #include "devo/core/tracker.h"
+#include "devo/io/trajectory_log.h"
 #include "devo/ros/core_messages.h"
 #include "devo/ros/ground_truth.h"
 #include "devo/ros/health.h"
@@ -67,7 +68,6 @@ class TrackingNode {
   OdometryPublisher::Options output_;
   std::string trajectory_file_;
   bool save_at_shutdown_;
-  std::size_t trajectory_max_poses_;
   std::size_t surface_queue_size_;
 
   std::mutex mutex_;
@@ -76,9 +76,9 @@ class TrackingNode {
   std::vector<boost::shared_ptr<const DepthPose>> depth_poses_;
   std::unique_ptr<Tracker> new_tracker_;
   std::unique_ptr<OdometryPublisher> new_publisher_;
-  bool options_changed_ = false;        // in config_.odometry, until the worker's tracker has them
-  std::optional<Camera> camera_;        // undistorted event camera
-  std::deque<StampedPose> trajectory_;  // of the event camera in the odometry's frame
+  bool options_changed_ = false;  // in config_.odometry, until the worker's tracker has them
+  std::optional<Camera> camera_;  // undistorted event camera
+  TrajectoryLog trajectory_;      // of the event camera in the odometry's frame
   PoseEstimate last_;
   std::uint64_t tracked_ = 0, dropped_ = 0, untracked_ = 0, forgotten_ = 0;
   RateMeter pose_rate_;

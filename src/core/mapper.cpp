@@ -107,6 +107,10 @@ SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
   return best;
 }
 
+void Mapper::ForgetSurfacesBefore(const SurfacePtr& surface) {
+  while (surfaces_.front() != surface) surfaces_.pop_front();
+}
+
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
   changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
@@ -124,6 +128,7 @@ bool Mapper::UpdateFromDepth() {
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) changed |= Process(depth, surface);
     depths_.pop_front();
+    ForgetSurfacesBefore(surface);
   }
   return changed;
 }
@@ -149,6 +154,7 @@ bool Mapper::UpdateFromSweeps() {
     // Without poses the surface of the time in which the sweep passed the view; with them the newest.
     const auto t_ns = map_.empty() ? lidar_.TimeInView(sweep) : sweep.end_ns;
     const SurfacePtr surface = t_ns ? SurfaceFor(*t_ns) : nullptr;
+    if (surface) ForgetSurfacesBefore(surface);
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
     if (depth) {
       changed |= Process(*depth, surface);

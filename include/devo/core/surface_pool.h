@@ -39,7 +39,8 @@ class SurfacePool {
 
  private:
   struct Store {
-    static constexpr std::size_t kMaxFree = 48;  // a mapper's history and some in flight
+    static constexpr std::size_t kMaxFree =
+        16;  // what mapping lets go of with one depth image or sweep, and some in flight
     void Return(std::unique_ptr<Surface> surface) {
       const std::lock_guard<std::mutex> lock(mutex);
       if (free.size() < kMaxFree) free.push_back(std::move(surface));

@@ -52,25 +52,19 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
   }
 }
 
-void CountMatches(const AlignmentProblem& problem, const std::vector<AlignmentPoint>& points, const Camera& camera,
-                  AlignmentResult* result) {
-  const Eigen::Matrix3f R = result->T_event_ref.rotation().toRotationMatrix().cast<float>();
-  const Eigen::Vector3f t = result->T_event_ref.translation().cast<float>();
+void CountMatches(const AlignmentProblem& problem, AlignmentResult* result) {
   double expected = 0, met = 0, residual = 0;
   int visible = 0, matched = 0;
-  for (const AlignmentPoint& point : points) {
-    const Eigen::Vector3f p = R * point.p_ref + t;
-    if (p.z() < 0.05F) continue;
-    const auto sample =
-        problem.SampleField(point, static_cast<float>(camera.fx()) * p.x() / p.z() + static_cast<float>(camera.cx()),
-                            static_cast<float>(camera.fy()) * p.y() / p.z() + static_cast<float>(camera.cy()));
+  problem.ForViews(result->T_event_ref, [&](const AlignmentPoint& point, const AlignmentProblem::View& view) {
+    if (!view.in_front) return;
+    const auto sample = problem.SampleField(point, view.u, view.v);
     ++visible;
     expected += point.expected;
-    if (!sample.matched || std::abs(sample.value) > 0.5F * problem.truncation()) continue;
+    if (!sample.matched || std::abs(sample.value) > 0.5F * problem.truncation()) return;
     ++matched;
     met += point.expected;
     residual += std::abs(sample.value);
-  }
+  });
   result->visible = visible;
   result->matched = matched;
   result->inlier_share = matched >= kMinMatched ? met / expected : 0;
@@ -98,7 +92,7 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
   result.iterations = summary.iterations;
   result.cost = summary.final_cost / std::max<std::size_t>(prepared.size(), 1);
   result.information = problem.SumsAt(delta, true).of_points;
-  CountMatches(problem, prepared, camera, &result);
+  CountMatches(problem, &result);
   return result;
 }
 

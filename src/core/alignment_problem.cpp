@@ -9,6 +9,7 @@
 
 #include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
+#include "simd.h"
 
 namespace devo {
 namespace {
@@ -48,11 +49,9 @@ AlignmentProblem::Sample AlignmentProblem::SampleField(const AlignmentPoint& poi
 }
 
 AlignmentProblem::Sample AlignmentProblem::SampleNearestEdge(const AlignmentPoint& point, float u, float v) const {
-  const int x = static_cast<int>(u + 0.5F), y = static_cast<int>(v + 0.5F);
-  if (!(u >= 0 && v >= 0) || x >= surface_.width() || y >= surface_.height()) return {};
-  const int id = surface_.NearestEdge(x, y);
-  if (id < 0) return {};
-  const EdgePoint& edge = surface_.edges[id];
+  const std::int32_t* packed = FieldAt(u, v);
+  if (packed == nullptr || *packed == Surface::kNoEdge) return {};
+  const EdgePoint& edge = surface_.edges[*packed & 0xFFFF];
   const bool known = point.normal_x != 0 || point.normal_y != 0;
   const float cosine = point.normal_x * edge.nx + point.normal_y * edge.ny;
   if (known && std::abs(cosine) < kMinNormalCosine) return {};
@@ -78,13 +77,35 @@ AlignmentProblem::Sample AlignmentProblem::SamplePlainSurface(float u, float v) 
   return sample;
 }
 
-bool AlignmentProblem::PointRow(const AlignmentPoint& point, const Eigen::Matrix3f& R, const Eigen::Vector3f& t,
-                                float* residual, Eigen::Matrix<float, 6, 1>* row) const {
+void AlignmentProblem::Project(const Eigen::Matrix3f& R, const Eigen::Vector3f& t, const AlignmentPoint* points,
+                               std::size_t count, View* views) const {
   const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
   const auto cx = static_cast<float>(camera_.cx()), cy = static_cast<float>(camera_.cy());
-  const Eigen::Vector3f p = R * point.p_ref + t;
-  Sample sample;
-  if (p.z() > kMinDepth_m) sample = SampleField(point, fx * p.x() / p.z() + cx, fy * p.y() / p.z() + cy);
+  for (std::size_t k = 0; k < count; ++k) {
+    View& view = views[k];
+    const Eigen::Vector3f p = R * points[k].p_ref + t;
+    view.p_event = p;
+    view.in_front = p.z() > kMinDepth_m;
+    if (!view.in_front) continue;
+    view.u = fx * p.x() / p.z() + cx;
+    view.v = fy * p.y() / p.z() + cy;
+  }
+  if (plain_) return;
+  std::array<const std::int32_t*, kBatch> pixels;
+  for (std::size_t k = 0; k < count; ++k) {
+    pixels[k] = views[k].in_front ? FieldAt(views[k].u, views[k].v) : nullptr;
+    if (pixels[k] != nullptr) PrefetchToRead(pixels[k]);
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    if (pixels[k] != nullptr) PrefetchToRead(surface_.edges.data() + (*pixels[k] & 0xFFFF));
+  }
+}
+
+bool AlignmentProblem::PointRow(const AlignmentPoint& point, const View& view, const Eigen::Matrix3f& R,
+                                float* residual, Eigen::Matrix<float, 6, 1>* row) const {
+  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
+  const Eigen::Vector3f& p = view.p_event;
+  const Sample sample = view.in_front ? SampleField(point, view.u, view.v) : Sample();
   // An edge that moves along itself shows little: what seems to match it is more often another.
   const float weight = std::sqrt(point.expected);
   if (!sample.matched) {
@@ -116,23 +137,22 @@ bool AlignmentProblem::operator()(const double* dtheta, double* residuals, doubl
   const Eigen::Map<const Vector6d> delta(dtheta);
   const Rigid3 T = T_event_ref_ * Exp(delta);
   const Eigen::Matrix3f R = T.rotation().toRotationMatrix().cast<float>();
-  const Eigen::Vector3f t = T.translation().cast<float>();
   const int n = static_cast<int>(points_.size()), rows = NumResiduals();
   // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
   const Matrix6d J_r = RightJacobian(delta);
   Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6>> J(jacobian, jacobian ? rows : 0, 6);
-  for (int i = 0; i < n; ++i) {
+  int i = 0;
+  ForViews(T, [&](const AlignmentPoint& point, const View& view) {
     float residual = 0;
     Eigen::Matrix<float, 6, 1> row;
-    const bool matched = PointRow(points_[i], R, t, &residual, jacobian ? &row : nullptr);
+    const bool matched = PointRow(point, view, R, &residual, jacobian ? &row : nullptr);
     residuals[i] = residual;
-    if (!jacobian) continue;
-    if (matched) {
-      J.row(i) = row.cast<double>().transpose() * J_r;
-    } else {
+    if (jacobian) {
       J.row(i).setZero();
+      if (matched) J.row(i) = row.cast<double>().transpose() * J_r;
     }
-  }
+    ++i;
+  });
   Eigen::Map<Vector6d>(residuals + n) = PriorResidual(T);
   if (jacobian) J.bottomRows<6>() = PriorJacobian(T, J_r);
   return true;
@@ -141,19 +161,18 @@ bool AlignmentProblem::operator()(const double* dtheta, double* residuals, doubl
 AlignmentProblem::Sums AlignmentProblem::SumsAt(const Vector6d& delta, bool with_jacobian) const {
   const Rigid3 T = T_event_ref_ * Exp(delta);
   const Eigen::Matrix3f R = T.rotation().toRotationMatrix().cast<float>();
-  const Eigen::Vector3f t = T.translation().cast<float>();
   Sums sums{Matrix6d::Zero(), Matrix6d::Zero(), Vector6d::Zero(), 0};
   Matrix6d& points = sums.of_points;
-  for (const AlignmentPoint& point : points_) {
+  ForViews(T, [&](const AlignmentPoint& point, const View& view) {
     float residual = 0;
     Eigen::Matrix<float, 6, 1> row;
-    const bool matched = PointRow(point, R, t, &residual, with_jacobian ? &row : nullptr);
+    const bool matched = PointRow(point, view, R, &residual, with_jacobian ? &row : nullptr);
     sums.squared_norm += static_cast<double>(residual) * residual;
-    if (!matched || !with_jacobian) continue;
+    if (!matched || !with_jacobian) return;
     const Vector6d j = row.cast<double>();
     points.noalias() += j * j.transpose();
     sums.gradient.noalias() += static_cast<double>(residual) * j;
-  }
+  });
   const Vector6d prior = PriorResidual(T);
   sums.squared_norm += prior.squaredNorm();
   if (!with_jacobian) return sums;

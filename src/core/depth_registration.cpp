@@ -8,7 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include <opencv2/core/hal/intrin.hpp>
+#include "simd.h"
 
 namespace devo {
 namespace {
@@ -17,6 +17,8 @@ namespace {
 // noise of time-of-flight cameras, the constant covers millimetre quantisation at short range.
 float SurfaceGap(float z_m) { return 0.025F * z_m + 0.008F; }
 
+constexpr int kCellBits = 2;
+static_assert(1 << kCellBits == DepthRegistration::kCell);
 constexpr int kMinReadings = 3;
 constexpr std::size_t kMaxReadings = 64;
 
@@ -64,7 +66,7 @@ DepthRegistration::DepthRegistration(const Camera& event_camera, const Camera& d
       readings_(static_cast<std::size_t>(depth_camera.width()) * depth_camera.height()),
       cell_depth_((event_camera.height() + kCell - 1) / kCell, (event_camera.width() + kCell - 1) / kCell),
       row_z_(depth_camera.width()), row_u_(depth_camera.width()), row_v_(depth_camera.width()),
-      row_pixel_(depth_camera.width()) {
+      row_pixel_(depth_camera.width()), row_cell_(depth_camera.width()) {
   cv::split(RayTable(depth_camera), depth_rays_);
 }
 
@@ -73,7 +75,7 @@ void DepthRegistration::MarkNeighbourhoods(const std::vector<EdgePoint>& edges) 
   const int reach = static_cast<int>(std::ceil(radius_px_));  // 2 to 4
   const auto fill = reach == 2 ? FillSquare<5> : reach == 3 ? FillSquare<7> : FillSquare<9>;
   for (const EdgePoint& edge : edges) {
-    const int x = static_cast<int>(std::lround(edge.x)), y = static_cast<int>(std::lround(edge.y));
+    const int x = static_cast<int>(edge.x + 0.5F), y = static_cast<int>(edge.y + 0.5F);
     const int x0 = std::max(x - reach, 0), x1 = std::min(x + reach, wanted_.cols - 1);
     const int y0 = std::max(y - reach, 0), y1 = std::min(y + reach, wanted_.rows - 1);
     if (x1 - x0 == 2 * reach && y1 - y0 == 2 * reach) {
@@ -106,7 +108,8 @@ int DepthRegistration::WarpRow(const float* z_depth, int y, const Eigen::Matrix3
     row_z_[x] = Z;
     row_u_[x] = u;
     row_v_[x] = v;
-    row_pixel_[x] = inside ? static_cast<int>(v) << 16 | static_cast<int>(u) : -1;
+    row_pixel_[x] = inside ? static_cast<int>(v) * wanted_.cols + static_cast<int>(u) : -1;
+    row_cell_[x] = inside ? static_cast<int>(v) / kCell * cell_depth_.cols + static_cast<int>(u) / kCell : -1;
   };
 #if CV_SIMD128
   // The same operations in the same order, four readings at a time.
@@ -126,12 +129,15 @@ int DepthRegistration::WarpRow(const float* z_depth, int y, const Eigen::Matrix3
     const v_float32x4 good = (z > all(0)) & (Z > all(0.01F)), inverse_depth = all(1) / Z;
     const v_float32x4 u = all(fx) * X * inverse_depth + all(cx), v = all(fy) * Y * inverse_depth + all(cy);
     const v_float32x4 inside = good & (u >= all(0)) & (v >= all(0)) & (u < all(width)) & (v < all(height));
-    const v_int32x4 pixel = (cv::v_trunc(v) << 16) | cv::v_trunc(u);
+    const v_int32x4 row = cv::v_trunc(v), column = cv::v_trunc(u), outside = ~cv::v_reinterpret_as_s32(inside);
+    const v_int32x4 pixel = row * cv::v_setall_s32(wanted_.cols) + column;
+    const v_int32x4 cell = (row >> kCellBits) * cv::v_setall_s32(cell_depth_.cols) + (column >> kCellBits);
     valid4 = valid4 - cv::v_reinterpret_as_s32(good);  // a mask is -1
     cv::v_store(row_z_.data() + x, Z);
     cv::v_store(row_u_.data() + x, u);
     cv::v_store(row_v_.data() + x, v);
-    cv::v_store(row_pixel_.data() + x, pixel | ~cv::v_reinterpret_as_s32(inside));
+    cv::v_store(row_pixel_.data() + x, pixel | outside);
+    cv::v_store(row_cell_.data() + x, cell | outside);
   }
   valid = cv::v_reduce_sum(valid4);
 #endif
@@ -152,38 +158,58 @@ int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth
   cell_depth_.setTo(0);
   const Eigen::Matrix3f R = T_event_depth.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T_event_depth.translation().cast<float>();
-  int valid = 0, count = 0;
+  int valid = 0, count = 0, *first = first_.ptr<int>();
+  const std::uint8_t* wanted = wanted_.ptr<std::uint8_t>();
+  float* cells = cell_depth_.ptr<float>();
   for (int y = 0; y < size.height; ++y) {
     valid += WarpRow(depth.depth_m[y], y, R, t);
     // Neighbouring readings mostly fall into one cell: its nearest is kept at hand.
-    float unused = 0, *cell = &unused, nearest = 0;
+    float nearest = 0;
+    int cell = -1;
     for (int x = 0; x < size.width; ++x) {
       const int pixel = row_pixel_[x];
       if (pixel < 0) continue;
-      const int column = pixel & 0xFFFF, row = pixel >> 16;
       const float Z = row_z_[x];
-      float* const own = cell_depth_[row / kCell] + column / kCell;
-      if (own != cell) {
-        *cell = nearest;
-        cell = own;
-        nearest = *cell > 0 ? *cell : Z;
+      if (row_cell_[x] != cell) {
+        if (cell >= 0) cells[cell] = nearest;
+        cell = row_cell_[x];
+        nearest = cells[cell] > 0 ? cells[cell] : Z;
       }
       nearest = std::min(nearest, Z);
-      if (!wanted_(row, column)) continue;
-      int& first = first_(row, column);
-      readings_[count] = {row_u_[x] - 0.5F, row_v_[x] - 0.5F, Z, first};
-      first = count++;
+      if (!wanted[pixel]) continue;
+      readings_[count] = {row_u_[x] - 0.5F, row_v_[x] - 0.5F, Z, first[pixel]};
+      first[pixel] = count++;
     }
-    *cell = nearest;
+    if (cell >= 0) cells[cell] = nearest;
   }
   return valid;
+}
+
+void DepthRegistration::FetchLists(const EdgePoint& edge) const {
+  const int reach = static_cast<int>(std::ceil(radius_px_));
+  const int x = static_cast<int>(edge.x + 0.5F), y = static_cast<int>(edge.y + 0.5F);
+  const int x0 = std::max(x - reach, 0), x1 = std::min(x + reach, first_.cols - 1);
+  for (int row = std::max(y - reach, 0); row <= std::min(y + reach, first_.rows - 1); ++row) {
+    PrefetchToRead(first_[row] + x0);
+    PrefetchToRead(first_[row] + x1);
+  }
+}
+
+void DepthRegistration::FetchReadings(const EdgePoint& edge) const {
+  const int reach = static_cast<int>(std::ceil(radius_px_));
+  const int x = static_cast<int>(edge.x + 0.5F), y = static_cast<int>(edge.y + 0.5F);
+  // Readings of pixels side by side mostly lie side by side, too.
+  for (int row = std::max(y - reach, 0); row <= std::min(y + reach, first_.rows - 1); ++row) {
+    const int reading = first_(row, x);
+    if (reading >= 0) PrefetchToRead(readings_.data() + reading);
+  }
 }
 
 std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, float y) const {
   std::array<Neighbour, kMaxReadings> around;
   std::size_t count = 0;
   const int reach = static_cast<int>(std::ceil(radius_px_));
-  const int x_px = static_cast<int>(std::lround(x)), y_px = static_cast<int>(std::lround(y));
+  const int x_px = static_cast<int>(x + 0.5F), y_px = static_cast<int>(y + 0.5F);
   const float radius2 = radius_px_ * radius_px_;
   // A reading lies within half a pixel of its pixel's centre: pixels farther than that from the circle are left out.
   const auto gap2 = [](float d) {

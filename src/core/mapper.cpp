@@ -232,26 +232,32 @@ bool Mapper::MovedSinceReference(const Rigid3& T_world_event) const {
 
 bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained) {
   // Of the explained edges a sample tells how many have depth.
-  std::size_t explained_with_depth = 0, left = 0;
+  std::vector<const EdgePoint*> sample, unexplained;
   for (std::size_t i = 0; i < surface.edges.size(); ++i) {
-    left += explained[i] ? 0 : 1;
-    if (!explained[i] || i % kExplainedStep != 0) continue;
-    if (registration_.DepthAt(surface.edges[i].x, surface.edges[i].y)) explained_with_depth += kExplainedStep;
+    if (!explained[i]) {
+      unexplained.push_back(&surface.edges[i]);
+    } else if (i % kExplainedStep == 0) {
+      sample.push_back(&surface.edges[i]);
+    }
   }
+  std::size_t explained_with_depth = 0;
+  registration_.ForDepths(sample, [&](const EdgePoint&, const auto& depth) {
+    explained_with_depth += depth ? kExplainedStep : 0;
+    return true;
+  });
   const std::size_t least = map_.chapter_empty() ? kMinPointsOfFirst : kMinPoints;
   const auto enough = [&](std::size_t new_points) {
     const auto with_depth = static_cast<double>(new_points + explained_with_depth);
     return new_points >= least && static_cast<double>(new_points) > (1 - options_.mapping.min_coverage) * with_depth;
   };
   std::vector<MapPoint> points;
-  for (std::size_t i = 0; i < surface.edges.size(); ++i) {
-    if (explained[i]) continue;
-    // Most often the map explains nearly all: no need to know the depth of the rest.
-    if (!enough(points.size() + left--)) return false;
-    const EdgePoint& edge = surface.edges[i];
-    const auto depth = registration_.DepthAt(edge.x, edge.y);
+  std::size_t left = unexplained.size();
+  if (!enough(left)) return false;
+  registration_.ForDepths(unexplained, [&](const EdgePoint& edge, const auto& depth) {
     if (depth) points.push_back(MakePoint(edge, depth->z_m, surface.window_s));
-  }
+    // Most often the map explains nearly all: no need to know the depth of the rest.
+    return enough(points.size() + --left);
+  });
   if (!enough(points.size())) return false;
   map_.Add(surface.t_edges_ns, T_world_event, std::move(points));
   ++counters_.references;

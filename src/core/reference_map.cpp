@@ -2,11 +2,15 @@
 #include "devo/core/reference_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <numeric>
 
 #include "devo/core/alignment_problem.h"
 #include "devo/core/edge_motion.h"
+#include "simd.h"
 
 namespace devo {
 namespace {
@@ -19,9 +23,52 @@ constexpr float kHiddenShare = 0.04F, kHidden_m = 0.03F;
 constexpr float kJudgeAfter = 6, kMinSupport = 0.3F;
 constexpr float kSupportDistance_px = 1.5F;
 constexpr int kSelectionCell_px = 32;
+constexpr std::size_t kAhead = 8;  // points: about the time that memory takes to answer
 
 float SupportOf(const ReferenceMap::Reference& reference, int point) {
   return (reference.met[point] + 1) / (reference.expected[point] + 2);
+}
+
+bool SamePose(const Rigid3& a, const Rigid3& b) {
+  return a.rotation().coeffs() == b.rotation().coeffs() && a.translation() == b.translation();
+}
+
+/// Whether something is nearer than a point `z` metres away at the pixel u, v of the occluder's view.
+bool Hides(const ReferenceMap::Occluder& occluder, float u, float v, float z) {
+  if (!(z > kMinDepth_m)) return false;
+  const auto cell_px = static_cast<float>(occluder.cell_px);
+  const int column = static_cast<int>(u / cell_px), row = static_cast<int>(v / cell_px);
+  const cv::Mat1f& depth_m = occluder.nearest_depth_m;
+  if (column < 0 || row < 0 || column >= depth_m.cols || row >= depth_m.rows) return false;
+  const float nearest = depth_m(row, column);
+  return nearest > 0 && z > (1 + kHiddenShare) * nearest + kHidden_m;
+}
+
+/// Unit normals in eight classes of 22.5 degrees: a normal and its opposite are of one.
+int DirectionClass(float nx, float ny) {
+  // The directions between classes; the normal, or its opposite in the same half plane, is past the first few of them.
+  constexpr float kBetween[7][2] = {
+      {0.92387953F, 0.38268343F},  {0.70710678F, 0.70710678F},  {0.38268343F, 0.92387953F}, {0, 1},
+      {-0.38268343F, 0.92387953F}, {-0.70710678F, 0.70710678F}, {-0.92387953F, 0.38268343F}};
+  int past = 0;
+  float nearest = std::abs(ny);
+  for (const auto& d : kBetween) {
+    const float side = ny * d[0] - nx * d[1];
+    past += (side > 0) == (ny > 0) ? 1 : 0;
+    nearest = std::min(nearest, std::abs(side));
+  }
+  if (nearest > 1e-5F) return past;
+  // Pixels are integers, so many normals lie between two classes: there the angle decides, not how products are
+  // rounded.
+  return static_cast<int>(std::floor((std::atan2(ny, nx) + 2 * M_PI) / (M_PI / 8))) % 8;
+}
+
+/// Eight bytes, the first five of which are one and the rest zero, as a word in memory.
+std::uint64_t FiveBytes() {
+  constexpr std::array<std::uint8_t, 8> kBytes = {1, 1, 1, 1, 1, 0, 0, 0};
+  std::uint64_t word;
+  std::memcpy(&word, kBytes.data(), sizeof(word));
+  return word;
 }
 
 }  // namespace
@@ -91,7 +138,9 @@ std::vector<ReferenceMap::Visible> ReferenceMap::Project(const Rigid3& T_world_e
     if (reference.chapter != chapter_ || !InView(reference, T_event_ref)) continue;
     const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
     const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
-    const Rigid3 T_occluder_ref = occluder ? occluder->T_world_event.inverse() * reference.T_world_ref : Rigid3();
+    // Mostly the occluder is of the view itself: then the point is there already.
+    const bool apart = occluder && !SamePose(occluder->T_world_event, T_world_event);
+    const Rigid3 T_occluder_ref = apart ? occluder->T_world_event.inverse() * reference.T_world_ref : Rigid3();
     const Eigen::Matrix3f R_o = T_occluder_ref.rotation().toRotationMatrix().cast<float>();
     const Eigen::Vector3f t_o = T_occluder_ref.translation().cast<float>();
     for (std::size_t i = 0; i < reference.points.size(); ++i) {
@@ -100,15 +149,11 @@ std::vector<ReferenceMap::Visible> ReferenceMap::Project(const Rigid3& T_world_e
       if (p.z() < kMinDepth_m) continue;
       const float u = fx * p.x() / p.z() + cx, v = fy * p.y() / p.z() + cy;
       if (!(u >= 2 && v >= 2 && u <= max_u && v <= max_v)) continue;
-      if (occluder) {
+      if (apart) {
         const Eigen::Vector3f q = R_o * point.p_ref + t_o;
-        const int column = static_cast<int>((fx * q.x() / q.z() + cx) / occluder->cell_px);
-        const int row = static_cast<int>((fy * q.y() / q.z() + cy) / occluder->cell_px);
-        if (q.z() > kMinDepth_m && column >= 0 && row >= 0 && column < occluder->nearest_depth_m.cols &&
-            row < occluder->nearest_depth_m.rows) {
-          const float nearest = occluder->nearest_depth_m(row, column);
-          if (nearest > 0 && q.z() > (1 + kHiddenShare) * nearest + kHidden_m) continue;
-        }
+        if (Hides(*occluder, fx * q.x() / q.z() + cx, fy * q.y() / q.z() + cy, q.z())) continue;
+      } else if (occluder) {
+        if (Hides(*occluder, u, v, p.z())) continue;
       }
       Eigen::Vector2f normal(0, 0);
       if (!point.normal_ref.isZero()) normal = ProjectNormal(point.normal_ref, R, p);
@@ -119,34 +164,37 @@ std::vector<ReferenceMap::Visible> ReferenceMap::Project(const Rigid3& T_world_e
 }
 
 std::vector<bool> ReferenceMap::ExplainedEdges(const Surface& surface, const std::vector<Visible>& visible) const {
-  // Points per pixel by direction: normals fall into eight classes of 22.5 degrees (a normal and its opposite are
-  // one), a point marks its own and both neighbours, so that normals within 22.5 degrees always meet.
-  const auto class_of = [](float nx, float ny) {
-    return static_cast<int>(std::floor((std::atan2(ny, nx) + 2 * M_PI) / (M_PI / 8))) % 8;
-  };
-  cv::Mat1b classes(surface.height(), surface.width(), std::uint8_t{0});
+  // Points per pixel by direction: a point marks its own class of directions and both neighbours, so that normals
+  // within 22.5 degrees always meet. Visible points are far enough inside for the whole square around them.
+  constexpr int kWidth = 2 * kExplainRadius_px + 1;
+  const int columns = surface.width();
+  std::vector<std::uint8_t> classes(static_cast<std::size_t>(surface.height()) * columns + sizeof(std::uint64_t), 0);
   for (const Visible& point : visible) {
-    const bool known = point.normal_x != 0 || point.normal_y != 0;
-    int mask = 0xFF;
-    if (known) {
-      const int c = class_of(point.normal_x, point.normal_y);
-      mask = 1 << c | 1 << (c + 1) % 8 | 1 << (c + 7) % 8;
+    std::uint64_t mask = 0xFF;
+    if (point.normal_x != 0 || point.normal_y != 0) {
+      const int c = DirectionClass(point.normal_x, point.normal_y);
+      mask = 1U << c | 1U << (c + 1) % 8 | 1U << (c + 7) % 8;
     }
-    const int x = static_cast<int>(std::lround(point.u)), y = static_cast<int>(std::lround(point.v));
-    for (int row = std::max(y - kExplainRadius_px, 0); row <= std::min(y + kExplainRadius_px, classes.rows - 1);
-         ++row) {
-      for (int column = std::max(x - kExplainRadius_px, 0); column <= std::min(x + kExplainRadius_px, classes.cols - 1);
-           ++column) {
-        classes(row, column) |= static_cast<std::uint8_t>(mask);
-      }
+    const int x = static_cast<int>(point.u + 0.5F), y = static_cast<int>(point.v + 0.5F);
+    // A row of the square in one word, the bytes beyond it left as they are.
+    static_assert(kWidth == 5);
+    const std::uint64_t row_mask = FiveBytes() * mask;
+    std::uint8_t* row =
+        classes.data() + static_cast<std::ptrdiff_t>(y - kExplainRadius_px) * columns + x - kExplainRadius_px;
+    for (int k = 0; k < kWidth; ++k, row += columns) {
+      std::uint64_t word;
+      std::memcpy(&word, row, sizeof(word));
+      word |= row_mask;
+      std::memcpy(row, &word, sizeof(word));
     }
   }
   std::vector<bool> explained(surface.edges.size());
   for (std::size_t i = 0; i < surface.edges.size(); ++i) {
     const EdgePoint& edge = surface.edges[i];
     const bool known = edge.nx != 0 || edge.ny != 0;
-    const int mask = known ? 1 << class_of(edge.nx, edge.ny) : 0xFF;
-    explained[i] = (classes(static_cast<int>(std::lround(edge.y)), static_cast<int>(std::lround(edge.x))) & mask) != 0;
+    const int mask = known ? 1 << DirectionClass(edge.nx, edge.ny) : 0xFF;
+    const int x = static_cast<int>(edge.x + 0.5F), y = static_cast<int>(edge.y + 0.5F);
+    explained[i] = (classes[static_cast<std::size_t>(y) * columns + x] & mask) != 0;
   }
   return explained;
 }
@@ -156,7 +204,14 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
   if (surface.nearest_edge.empty()) return;
   std::vector<bool> touched(references_.size(), false);
   ++calls_;
-  for (const Visible& point : visible) {
+  const auto pixel = [&](const Visible& point) {
+    return surface.nearest_edge[static_cast<int>(point.v + 0.5F)] + static_cast<int>(point.u + 0.5F);
+  };
+  for (std::size_t k = 0; k < visible.size(); ++k) {
+    // Another core wrote the surface, and points lie scattered in it: what later ones will need is fetched meanwhile.
+    if (k + 2 * kAhead < visible.size()) PrefetchToRead(pixel(visible[k + 2 * kAhead]));
+    if (k + kAhead < visible.size()) PrefetchToRead(surface.edges.data() + (*pixel(visible[k + kAhead]) & 0xFFFF));
+    const Visible& point = visible[k];
     Reference& reference = references_[point.reference];
     reference.last_seen = calls_;
     const Eigen::Vector2f motion =
@@ -166,7 +221,7 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
     if (weight < 0.5F) continue;
     reference.expected[point.point] += weight;
     touched[point.reference] = true;
-    const int id = surface.NearestEdge(static_cast<int>(std::lround(point.u)), static_cast<int>(std::lround(point.v)));
+    const int id = surface.NearestEdge(static_cast<int>(point.u + 0.5F), static_cast<int>(point.v + 0.5F));
     if (id < 0) continue;
     const EdgePoint& edge = surface.edges[id];
     if (std::abs(point.normal_x * edge.nx + point.normal_y * edge.ny) < kMinNormalCosine) continue;
@@ -179,12 +234,16 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
 }
 
 void ReferenceMap::Prune(Reference* reference) {
+  const auto refuted = [reference](std::size_t i) {
+    return reference->expected[i] > kJudgeAfter && reference->met[i] < kMinSupport * reference->expected[i];
+  };
   std::size_t kept = 0;
-  for (std::size_t i = 0; i < reference->points.size(); ++i) {
-    const float expected = reference->expected[i];
-    if (expected > kJudgeAfter && reference->met[i] < kMinSupport * expected) continue;
+  while (kept < reference->points.size() && !refuted(kept)) ++kept;
+  if (kept == reference->points.size()) return;
+  for (std::size_t i = kept + 1; i < reference->points.size(); ++i) {
+    if (refuted(i)) continue;
     reference->points[kept] = reference->points[i];
-    reference->expected[kept] = expected;
+    reference->expected[kept] = reference->expected[i];
     reference->met[kept] = reference->met[i];
     ++kept;
   }
@@ -196,15 +255,20 @@ void ReferenceMap::Prune(Reference* reference) {
 std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const {
   const int cell_px = options_.ideas.spread_points ? kSelectionCell_px : std::max(camera_.width(), camera_.height());
   const int columns = (camera_.width() + cell_px - 1) / cell_px, rows = (camera_.height() + cell_px - 1) / cell_px;
-  std::vector<std::vector<std::size_t>> cells(static_cast<std::size_t>(columns) * rows);
-  for (std::size_t i = 0; i < visible.size(); ++i) {
-    cells[static_cast<std::size_t>(visible[i].v) / cell_px * columns + static_cast<std::size_t>(visible[i].u) / cell_px]
-        .push_back(i);
-  }
+  const auto cell_of = [&](const Visible& point) {
+    return static_cast<std::size_t>(point.v) / cell_px * columns + static_cast<std::size_t>(point.u) / cell_px;
+  };
+  // The points cell by cell, those of one cell in their order: `begin` of a cell is the end of the one before.
+  std::vector<std::size_t> begin(static_cast<std::size_t>(columns) * rows + 1, 0);
+  for (const Visible& point : visible) ++begin[cell_of(point) + 1];
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::size_t> sorted(visible.size()), next(begin.begin(), begin.end() - 1);
+  for (std::size_t i = 0; i < visible.size(); ++i) sorted[next[cell_of(visible[i])]++] = i;
   // The largest quota per cell that stays within the budget: crowded cells give, sparse ones keep all.
   const auto total = [&](std::size_t quota) {
-    return std::accumulate(cells.begin(), cells.end(), std::size_t{0},
-                           [&](std::size_t sum, const auto& cell) { return sum + std::min(cell.size(), quota); });
+    std::size_t sum = 0;
+    for (std::size_t c = 0; c + 1 < begin.size(); ++c) sum += std::min(begin[c + 1] - begin[c], quota);
+    return sum;
   };
   std::size_t quota = 1;
   while (quota < visible.size() && total(quota + 1) <= static_cast<std::size_t>(options_.max_points)) ++quota;
@@ -212,28 +276,29 @@ std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, 
   std::vector<Rigid3> T_ref_own;
   for (const Reference& reference : references_) T_ref_own.push_back(T_world_ref.inverse() * reference.T_world_ref);
   std::vector<MapPoint> selected;
-  selected.reserve(std::min(visible.size(), quota * cells.size()));
+  selected.reserve(total(quota));
   std::vector<std::pair<std::uint32_t, std::size_t>> ranked;
-  for (auto& cell : cells) {
-    if (cell.size() > quota) {
+  for (std::size_t c = 0; c + 1 < begin.size(); ++c) {
+    const auto first = sorted.begin() + static_cast<std::ptrdiff_t>(begin[c]);
+    auto last = sorted.begin() + static_cast<std::ptrdiff_t>(begin[c + 1]);
+    if (begin[c + 1] - begin[c] > quota) {
       // Best support first, in quarters; a fixed scatter of the index, which no two share, breaks ties: neighbours on
       // one edge are not taken in a row.
       ranked.clear();
-      for (const std::size_t i : cell) {
-        const float support = SupportOf(references_[visible[i].reference], visible[i].point);
+      for (auto i = first; i != last; ++i) {
+        const float support = SupportOf(references_[visible[*i].reference], visible[*i].point);
         const auto quarters = 4 - std::min(4U, static_cast<std::uint32_t>(support * 4));
-        ranked.emplace_back(quarters << 24 | ((i * 2654435761U) & 0xFFFFFFU), i);
+        ranked.emplace_back(quarters << 24 | ((*i * 2654435761U) & 0xFFFFFFU), *i);
       }
       const auto end = ranked.begin() + static_cast<std::ptrdiff_t>(quota);
       std::nth_element(ranked.begin(), end, ranked.end());
       std::sort(ranked.begin(), end);
-      cell.resize(quota);
-      std::transform(ranked.begin(), end, cell.begin(), [](const auto& r) { return r.second; });
+      last = std::transform(ranked.begin(), end, first, [](const auto& r) { return r.second; });
     }
-    for (const std::size_t i : cell) {
-      const Reference& reference = references_[visible[i].reference];
-      const Rigid3& T = T_ref_own[visible[i].reference];
-      MapPoint point = reference.points[visible[i].point];
+    for (auto i = first; i != last; ++i) {
+      const Reference& reference = references_[visible[*i].reference];
+      const Rigid3& T = T_ref_own[visible[*i].reference];
+      MapPoint point = reference.points[visible[*i].point];
       point.p_ref = (T * point.p_ref.cast<double>()).cast<float>();
       point.normal_ref = (T.rotation() * point.normal_ref.cast<double>()).cast<float>();
       selected.push_back(point);

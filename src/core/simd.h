@@ -35,6 +35,15 @@ inline void Prefetch(const void* address) {
 #endif
 }
 
+/// Has what will be read soon fetched meanwhile.
+inline void PrefetchToRead(const void* address) {
+#ifdef __GNUC__
+  __builtin_prefetch(address);
+#else
+  static_cast<void>(address);
+#endif
+}
+
 /// Columns of chosen pixels of one row.
 class PixelList {
  public:

@@ -3,6 +3,10 @@
 // Residuals and Jacobian of the 3D-2D alignment, and both compressed to the form that ceres::TinySolver minimises.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -54,17 +58,48 @@ class AlignmentProblem {
   };
   Sample SampleField(const AlignmentPoint& point, float u, float v) const;
 
+  /// A point seen from a pose.
+  struct View {
+    Eigen::Vector3f p_event;  ///< m
+    float u, v;               ///< px; not set behind the camera
+    bool in_front;
+  };
+  /// Calls `visit(point, view)` for each point in turn, seen from `T_event_ref`. They lie scattered in the surface, and
+  /// what the field holds for the next ones is fetched meanwhile.
+  template <typename Visit>
+  void ForViews(const Rigid3& T_event_ref, Visit&& visit) const {
+    const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
+    const Eigen::Vector3f t = T_event_ref.translation().cast<float>();
+    std::array<View, kBatch> views;
+    for (std::size_t begin = 0; begin < points_.size(); begin += kBatch) {
+      const std::size_t count = std::min(kBatch, points_.size() - begin);
+      Project(R, t, points_.data() + begin, count, views.data());
+      for (std::size_t k = 0; k < count; ++k) visit(points_[begin + k], views[k]);
+    }
+  }
+
   /// Unmatched points cost as much as a matched one at this distance.
   float truncation() const { return truncation_; }
 
  private:
-  /// One point's residual at `T` = (R, t) and, where it is matched, its row of the Jacobian with respect to a right
-  /// perturbation of T. Returns whether it is matched.
-  bool PointRow(const AlignmentPoint& point, const Eigen::Matrix3f& R, const Eigen::Vector3f& t, float* residual,
+  static constexpr std::size_t kBatch = 32;  // points
+  /// Sees up to kBatch points from T = (R, t), and has what SampleField will look at fetched.
+  void Project(const Eigen::Matrix3f& R, const Eigen::Vector3f& t, const AlignmentPoint* points, std::size_t count,
+               View* views) const;
+  /// One point's residual, seen from a pose T of rotation `R`, and, where it is matched, its row of the Jacobian with
+  /// respect to a right perturbation of T. Returns whether it is matched.
+  bool PointRow(const AlignmentPoint& point, const View& view, const Eigen::Matrix3f& R, float* residual,
                 Eigen::Matrix<float, 6, 1>* row) const;
   /// The prior's six residuals and their Jacobian with respect to `dtheta`, T = T_event_ref * Exp(dtheta).
   Vector6d PriorResidual(const Rigid3& T) const;
   Matrix6d PriorJacobian(const Rigid3& T, const Matrix6d& J_r) const;
+  /// Null outside the image.
+  const std::int32_t* FieldAt(float u, float v) const {
+    const float x = u + 0.5F, y = v + 0.5F;
+    const bool inside =
+        u >= 0 && v >= 0 && x < static_cast<float>(surface_.width()) && y < static_cast<float>(surface_.height());
+    return inside ? surface_.nearest_edge[static_cast<int>(y)] + static_cast<int>(x) : nullptr;
+  }
   Sample SampleNearestEdge(const AlignmentPoint& point, float u, float v) const;
   Sample SamplePlainSurface(float u, float v) const;
 

@@ -21,6 +21,7 @@ constexpr int kCellBits = 2;
 static_assert(1 << kCellBits == DepthRegistration::kCell);
 constexpr int kMinReadings = 3;
 constexpr std::size_t kMaxReadings = 64;
+constexpr int kMaxReach = 4;  // px
 
 struct Neighbour {
   float dx, dy, z;
@@ -61,7 +62,7 @@ void FillSquare(std::uint8_t* first, std::size_t step) {
 DepthRegistration::DepthRegistration(const Camera& event_camera, const Camera& depth_camera,
                                      const MappingOptions& options)
     : event_camera_(event_camera), options_(options), depth_rays_(2),
-      radius_px_(static_cast<float>(std::clamp(2.0 * event_camera.fx() / depth_camera.fx(), 1.5, 4.0))),
+      radius_px_(static_cast<float>(std::clamp(2.0 * event_camera.fx() / depth_camera.fx(), 1.5, double{kMaxReach}))),
       wanted_(event_camera.height(), event_camera.width()), first_(event_camera.height(), event_camera.width()),
       readings_(static_cast<std::size_t>(depth_camera.width()) * depth_camera.height()),
       cell_depth_((event_camera.height() + kCell - 1) / kCell, (event_camera.width() + kCell - 1) / kCell),
@@ -119,6 +120,11 @@ int DepthRegistration::WarpRow(const float* z_depth, int y, const Eigen::Matrix3
   const auto line = [&](const v_float32x4& a, const v_float32x4& b, int row) {
     return all(R(row, 0)) * a + all(R(row, 1)) * b + all(R(row, 2));
   };
+  // Of two numbers below 2^15 each, which are those of an image: multiplied and added at once.
+  const auto index = [](const v_int32x4& rows, const v_int32x4& columns, int width) {
+    return cv::v_dotprod(cv::v_reinterpret_as_s16((rows << 16) | columns),
+                         cv::v_reinterpret_as_s16(cv::v_setall_s32(width << 16 | 1)));
+  };
   v_int32x4 valid4 = cv::v_setzero_s32();
   for (; x + 4 <= columns; x += 4) {
     const v_float32x4 read = cv::v_load(z_depth + x), a = cv::v_load(ray_x + x), b = cv::v_load(ray_y + x);
@@ -130,8 +136,8 @@ int DepthRegistration::WarpRow(const float* z_depth, int y, const Eigen::Matrix3
     const v_float32x4 u = all(fx) * X * inverse_depth + all(cx), v = all(fy) * Y * inverse_depth + all(cy);
     const v_float32x4 inside = good & (u >= all(0)) & (v >= all(0)) & (u < all(width)) & (v < all(height));
     const v_int32x4 row = cv::v_trunc(v), column = cv::v_trunc(u), outside = ~cv::v_reinterpret_as_s32(inside);
-    const v_int32x4 pixel = row * cv::v_setall_s32(wanted_.cols) + column;
-    const v_int32x4 cell = (row >> kCellBits) * cv::v_setall_s32(cell_depth_.cols) + (column >> kCellBits);
+    const v_int32x4 pixel = index(row, column, wanted_.cols);
+    const v_int32x4 cell = index(row >> kCellBits, column >> kCellBits, cell_depth_.cols);
     valid4 = valid4 - cv::v_reinterpret_as_s32(good);  // a mask is -1
     cv::v_store(row_z_.data() + x, Z);
     cv::v_store(row_u_.data() + x, u);
@@ -216,11 +222,14 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
     const float gap = std::max(0.0F, std::abs(d) - 0.501F);
     return gap * gap;
   };
+  const int x0 = std::max(x_px - reach, 0), x1 = std::min(x_px + reach, first_.cols - 1);
+  std::array<float, 2 * kMaxReach + 1> column_gap2;
+  for (int column = x0; column <= x1; ++column) column_gap2[column - x0] = gap2(column - x);
   for (int row = std::max(y_px - reach, 0); row <= std::min(y_px + reach, first_.rows - 1); ++row) {
     const float row_gap2 = gap2(row - y);
     const int* first = first_[row];
-    for (int column = std::max(x_px - reach, 0); column <= std::min(x_px + reach, first_.cols - 1); ++column) {
-      if (row_gap2 + gap2(column - x) > radius2) continue;
+    for (int column = x0; column <= x1; ++column) {
+      if (row_gap2 + column_gap2[column - x0] > radius2) continue;
       for (int i = first[column]; i >= 0 && count < kMaxReadings; i = readings_[i].next) {
         const float dx = readings_[i].u - x, dy = readings_[i].v - y;
         if (dx * dx + dy * dy <= radius2) around[count++] = {dx, dy, readings_[i].z};

@@ -9,7 +9,7 @@ set -euo pipefail
 common=(
   build-essential ca-certificates cmake
   libbenchmark-dev libceres-dev libeigen3-dev libgmock-dev libgtest-dev
-  libopencv-contrib-dev libopencv-dev libyaml-cpp-dev nlohmann-json3-dev
+  liblz4-dev libopencv-contrib-dev libopencv-dev libyaml-cpp-dev nlohmann-json3-dev
   python3-matplotlib python3-numpy python3-yaml
   imagemagick libgl1-mesa-dri xvfb)
 lint=(clang-format clang-tidy shellcheck)

@@ -12,6 +12,8 @@
 #include <rosbag/stream.h>
 #include <boost/endian/conversion.hpp>
 
+#include "devo/ros/lz4_frame.h"
+
 namespace devo {
 namespace {
 
@@ -74,19 +76,19 @@ class Fields {
   std::map<std::string, std::string> fields_;
 };
 
-bool Decompress(const std::string& compression, std::vector<std::uint8_t>* stored, std::vector<std::uint8_t>* data) {
+bool DecompressBz2(std::vector<std::uint8_t>* stored, std::vector<std::uint8_t>* data) {
   try {
-    const auto stored_size = static_cast<unsigned>(stored->size());
-    const auto size = static_cast<unsigned>(data->size());
-    if (compression == "lz4") {
-      rosbag::LZ4Stream(nullptr).decompress(data->data(), size, stored->data(), stored_size);
-    } else {
-      rosbag::BZ2Stream(nullptr).decompress(data->data(), size, stored->data(), stored_size);
-    }
+    rosbag::BZ2Stream(nullptr).decompress(data->data(), static_cast<unsigned>(data->size()), stored->data(),
+                                          static_cast<unsigned>(stored->size()));
   } catch (const std::exception&) {
     return false;
   }
   return true;
+}
+
+bool Decompress(const std::string& compression, std::vector<std::uint8_t>* stored, std::vector<std::uint8_t>* data) {
+  if (compression == "lz4") return DecompressLz4Frame(stored->data(), stored->size(), data->data(), data->size());
+  return compression == "bz2" && DecompressBz2(stored, data);
 }
 
 }  // namespace
@@ -199,6 +201,20 @@ void BagFile::AddConnection(const Record& record) {
                                                 description.Text("md5sum")};
 }
 
+std::vector<std::uint8_t> BagFile::MakeRoom(std::size_t bytes) {
+  std::vector<std::uint8_t> left;
+  for (const CachedChunk& cached : cache_) bytes += cached.data.size();
+  while (cache_.size() >= kMinCachedChunks && bytes > kCacheBytes) {
+    const auto oldest = std::min_element(cache_.begin(), cache_.end(), [](const CachedChunk& a, const CachedChunk& b) {
+      return a.last_use < b.last_use;
+    });
+    bytes -= oldest->data.size();
+    left = std::move(oldest->data);
+    cache_.erase(oldest);
+  }
+  return left;
+}
+
 const std::vector<std::uint8_t>* BagFile::LoadChunk(std::uint32_t index) {
   for (CachedChunk& cached : cache_) {
     if (cached.chunk != index) continue;
@@ -206,34 +222,25 @@ const std::vector<std::uint8_t>* BagFile::LoadChunk(std::uint32_t index) {
     return &cached.data;
   }
   const Chunk& chunk = chunks_.at(index);
-  std::vector<std::uint8_t> stored(chunk.stored_size);
+  CachedChunk cached;
+  cached.chunk = index;
+  cached.last_use = ++uses_;
+  cached.data = MakeRoom(chunk.size);
+  const bool compressed = chunk.compression != "none";
+  std::vector<std::uint8_t>& stored = compressed ? stored_ : cached.data;
+  stored.resize(chunk.stored_size);
   file_.clear();
   file_.seekg(static_cast<std::streamoff>(chunk.position));
   bool good = static_cast<bool>(
       file_.read(reinterpret_cast<char*>(stored.data()), static_cast<std::streamsize>(stored.size())));
-  CachedChunk cached;
-  cached.chunk = index;
-  cached.last_use = ++uses_;
-  if (chunk.compression == "none") {
-    cached.data = std::move(stored);
-  } else {
+  if (compressed) {
     cached.data.resize(chunk.size);
-    good = good && (chunk.compression == "lz4" || chunk.compression == "bz2") &&
-           Decompress(chunk.compression, &stored, &cached.data);
+    good = good && Decompress(chunk.compression, &stored, &cached.data);
   }
   if (!good) {
     AddDefect("a chunk of compression '" + chunk.compression + "' at byte " + std::to_string(chunk.position) +
               " is damaged, expected none, lz4 or bz2 (what is readable is used)");
     cached.data.clear();
-  }
-  std::size_t bytes = cached.data.size();
-  for (const CachedChunk& other : cache_) bytes += other.data.size();
-  while (cache_.size() >= kMinCachedChunks && bytes > kCacheBytes) {
-    const auto oldest = std::min_element(cache_.begin(), cache_.end(), [](const CachedChunk& a, const CachedChunk& b) {
-      return a.last_use < b.last_use;
-    });
-    bytes -= oldest->data.size();
-    cache_.erase(oldest);
   }
   cache_.push_back(std::move(cached));
   return &cache_.back().data;

@@ -71,6 +71,8 @@ class BagFile {
   void MapEntriesToTopics();
   bool ReadRecord(std::uint64_t position, Record* record);
   const std::vector<std::uint8_t>* LoadChunk(std::uint32_t chunk);
+  /// In the cache for so many bytes more. Returns the memory of a chunk that had to go, for the next.
+  std::vector<std::uint8_t> MakeRoom(std::size_t bytes);
   template <typename Visit>
   void VisitChunk(std::uint32_t chunk, Visit&& visit);
   void AddDefect(const std::string& what);
@@ -84,6 +86,7 @@ class BagFile {
   std::vector<BagTopic> topics_;
   std::vector<BagEntry> entries_;  // topic: connection id until MapEntriesToTopics
   std::vector<CachedChunk> cache_;
+  std::vector<std::uint8_t> stored_;  // a chunk as it is in the file
   std::uint64_t uses_ = 0;
 };
 

@@ -83,6 +83,31 @@ TEST(SurfacePool, GivesEverySurfaceBuffersOfItsOwn) {
   }
 }
 
+TEST(SurfacePool, GivesUpWhatWasNotNeededForSecondsAndNothingThatIs) {
+  SurfacePool pool;
+  std::vector<std::shared_ptr<Surface>> backlog;
+  for (int k = 0; k < 40; ++k) backlog.push_back(TakeRendered(&pool, k));
+  backlog.clear();
+  // Then four at once are needed, again and again.
+  const auto take_four = [&] {
+    std::set<const void*> images;
+    std::vector<std::shared_ptr<Surface>> held;
+    for (int k = 0; k < 4; ++k) held.push_back(TakeRendered(&pool, k));
+    for (const auto& surface : held) images.insert(surface->image.data);
+    return images;
+  };
+  for (int round = 0; round < 200; ++round) take_four();
+  const std::set<const void*> needed = take_four();
+  for (int round = 0; round < 1000; ++round) EXPECT_EQ(take_four(), needed);
+  int used = 0;
+  for (int k = 0; k < 40; ++k) {
+    backlog.push_back(pool.Take());
+    used += backlog.back()->image.empty() ? 0 : 1;
+  }
+  EXPECT_GE(used, 4);
+  EXPECT_LE(used, 8);
+}
+
 TEST(SurfacePool, MayDieBeforeItsSurfaces) {
   auto pool = std::make_unique<SurfacePool>();
   auto surface = TakeRendered(pool.get(), 1), other = TakeRendered(pool.get(), 2);

@@ -63,6 +63,14 @@ int DirectionClass(float nx, float ny) {
   return static_cast<int>(std::floor((std::atan2(ny, nx) + 2 * M_PI) / (M_PI / 8))) % 8;
 }
 
+/// To its first elements. Memory goes with them: a place seen again and again gets a few points more from each visit's
+/// reference, and keeps only those that prove themselves.
+template <typename T>
+void Shorten(std::vector<T>* elements, std::size_t size) {
+  elements->resize(size);
+  if (elements->capacity() > 2 * size) elements->shrink_to_fit();
+}
+
 /// Eight bytes, the first five of which are one and the rest zero, as a word in memory.
 std::uint64_t FiveBytes() {
   constexpr std::array<std::uint8_t, 8> kBytes = {1, 1, 1, 1, 1, 0, 0, 0};
@@ -93,6 +101,7 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   reference.expected.assign(points.size(), 0);
   reference.met.assign(points.size(), 0);
   reference.points = std::move(points);
+  reference.points.shrink_to_fit();
   reference.last_seen = ++calls_;
   references_.push_back(std::move(reference));
   ForgetBeyondBudget();
@@ -247,9 +256,9 @@ void ReferenceMap::Prune(Reference* reference) {
     reference->met[kept] = reference->met[i];
     ++kept;
   }
-  reference->points.resize(kept);
-  reference->expected.resize(kept);
-  reference->met.resize(kept);
+  Shorten(&reference->points, kept);
+  Shorten(&reference->expected, kept);
+  Shorten(&reference->met, kept);
 }
 
 std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const {

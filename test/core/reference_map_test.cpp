@@ -153,6 +153,20 @@ std::vector<MapPoint> CrowdAndSpread() {
   return points;
 }
 
+TEST(ReferenceMap, LetsGoOfTheMemoryOfPointsThatItDrops) {
+  std::vector<MapPoint> points;
+  for (int k = 0; k < 400; ++k) points.push_back(PointAt(35 + k % 25 * 2, 35 + k / 25 * 3, 2));
+  points.reserve(1000);
+  ReferenceMap map = MapOf(points, 1000);
+  EXPECT_EQ(map.references()[0].points.capacity(), points.size());
+  const std::vector<Eigen::Vector2f> seen = {{35, 35}, {37, 35}, {39, 35}};
+  for (int k = 0; k < 10; ++k) map.UpdateSupport(SurfaceWith(seen), map.Project(Rigid3(), nullptr), Sideways());
+  const auto& reference = map.references()[0];
+  ASSERT_LT(reference.points.size(), 10U);
+  EXPECT_LT(reference.points.capacity(), 20U);
+  EXPECT_LT(reference.expected.capacity() + reference.met.capacity(), 40U);
+}
+
 TEST(ReferenceMap, SelectsNoMorePointsThanAllowedAndTakesThemFromTheCrowd) {
   const ReferenceMap map = MapOf(CrowdAndSpread(), 200);
   const auto selected = map.Select(map.Project(Rigid3(), nullptr), Rigid3());

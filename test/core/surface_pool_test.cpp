@@ -86,12 +86,14 @@ TEST(SurfacePool, GivesEverySurfaceBuffersOfItsOwn) {
 TEST(SurfacePool, GivesUpWhatWasNotNeededForSecondsAndNothingThatIs) {
   SurfacePool pool;
   std::vector<std::shared_ptr<Surface>> backlog;
+  backlog.reserve(40);
   for (int k = 0; k < 40; ++k) backlog.push_back(TakeRendered(&pool, k));
   backlog.clear();
   // Then four at once are needed, again and again.
   const auto take_four = [&] {
     std::set<const void*> images;
     std::vector<std::shared_ptr<Surface>> held;
+    held.reserve(4);
     for (int k = 0; k < 4; ++k) held.push_back(TakeRendered(&pool, k));
     for (const auto& surface : held) images.insert(surface->image.data);
     return images;

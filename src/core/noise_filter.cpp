@@ -17,6 +17,8 @@ namespace {
 // Activity is compared over this span: long enough for a pixel at 40 Hz to stand out, short enough
 // to follow changes of temperature and light.
 constexpr std::int64_t kPeriod_ns = 250'000'000;
+// Noise is first estimated after this time: a block at 1 Hz has a dozen events by then.
+constexpr std::int64_t kFirstPeriod_ns = 50'000'000;
 constexpr std::int64_t kNsPerMicrosecond = 1000;
 constexpr std::uint32_t kHotMinCount = 8;
 constexpr int kBlock = 16;
@@ -184,6 +186,7 @@ void NoiseFilter::Reset() {
   // Neighbours are read four at a time: one more than there are at the end.
   pixels_.assign(static_cast<std::size_t>(stride_) * (height_ + 2) + 1, kTickMask & -kLongAgo_ticks);
   noise_hz_ = 0;
+  knows_noise_ = false;
   needed_neighbours_ = min_neighbours_ > 0 ? min_neighbours_ + 1 : 0;  // until the noise is known
   t0_ns_ = -1;
   hot_pixels_ = 0;
@@ -194,7 +197,8 @@ std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
   for (const Event* next = events.begin(); next != events.end();) {
     if (t0_ns_ < 0) {
       t0_ns_ = next->t_ns;
-      next_update_ns_ = t0_ns_ + kPeriod_ns;
+      counted_since_ns_ = t0_ns_;
+      next_update_ns_ = t0_ns_ + kFirstPeriod_ns;
       forgot_ticks_ = 0;
     }
     if (next->t_ns >= next_update_ns_) Update(next->t_ns);
@@ -241,12 +245,20 @@ double NoiseFilter::ChanceOfNeighbours(int at_least) const {
 double NoiseFilter::passing_noise_hz() const { return noise_hz_ * ChanceOfNeighbours(needed_neighbours_); }
 
 void NoiseFilter::Update(std::int64_t t_ns) {
-  UpdateNoise();
+  // After a gap it is the events before it that were counted.
+  UpdateNoise(SecondsFromNs(next_update_ns_ - counted_since_ns_));
+  if (!knows_noise_) {
+    // Too early to tell hot pixels: what was counted stays.
+    knows_noise_ = true;
+    next_update_ns_ = std::max(t_ns, counted_since_ns_ + kPeriod_ns);
+    return;
+  }
   UpdateHotPixels();
+  counted_since_ns_ = t_ns;
   next_update_ns_ = t_ns + kPeriod_ns;
 }
 
-void NoiseFilter::UpdateNoise() {
+void NoiseFilter::UpdateNoise(double span_s) {
   std::fill(block_counts_.begin(), block_counts_.end(), 0);
   const int columns = width_ / kBlock;
   for (int y = 0; y < height_ / kBlock * kBlock; ++y) {
@@ -265,7 +277,7 @@ void NoiseFilter::UpdateNoise() {
     // The quantile of Poisson counts lies kQuietSigmas deviations below their mean.
     if (*quiet > 0) count = std::pow(0.5 * kQuietSigmas + std::sqrt(0.25 * kQuietSigmas * kQuietSigmas + *quiet), 2);
   }
-  noise_hz_ = count / (kBlock * kBlock * SecondsFromNs(kPeriod_ns));
+  noise_hz_ = count / (kBlock * kBlock * span_s);
   if (min_neighbours_ == 0) return;
   const bool noisy = noise_hz_ * ChanceOfNeighbours(min_neighbours_) > kTolerableNoise_hz;
   needed_neighbours_ = min_neighbours_ + (noisy ? 1 : 0);

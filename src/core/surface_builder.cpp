@@ -255,7 +255,8 @@ void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   surface->event_rate_hz = static_cast<double>(b.in - a.in) / span_s;
   surface->activity_hz = static_cast<double>(b.passed - a.passed) / span_s / (camera.width() * camera.height());
   if (compensated) surface->activity_hz = std::max(0.0, surface->activity_hz - filter.passing_noise_hz());
-  surface->still = surface->activity_hz < options.still_activity_hz;
+  // Noise that is not known yet would pass for motion, and a map be made of it.
+  surface->still = surface->activity_hz < options.still_activity_hz || (compensated && !filter.knows_noise());
 }
 
 std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const {

@@ -287,6 +287,21 @@ TEST(CompensatedSurface, TellsAStandstillFromMotionByTheActivity) {
   }
 }
 
+TEST(CompensatedSurface, DoesNotTakeTheNoiseOfARecordingsFirstMomentsForMotion) {
+  SurfaceBuilder builder(TestCamera(), SurfaceOptions());
+  std::mt19937 random(3);
+  constexpr int kNoise_hz = 8, kPerPeriod = kNoise_hz * kWidth * kHeight / 100;
+  for (int k = 1; k <= 30; ++k) {
+    std::vector<Event> events;
+    for (int i = 0; i < kPerPeriod; ++i) {
+      const std::int64_t t_ns = (k - 1) * 10'000'000LL + i * 10'000'000LL / kPerPeriod;
+      events.push_back(At(t_ns, static_cast<int>(random() % kWidth), static_cast<int>(random() % kHeight)));
+    }
+    builder.Insert(events);
+    EXPECT_TRUE(builder.Render(k * 10'000'000, Vector6d::Zero(), {})->still) << "surface " << k;
+  }
+}
+
 TEST(SurfaceBuilder, CountsEventsOutsideUnorderedAndNoise) {
   SurfaceBuilder builder(TestCamera(), SurfaceOptions());
   builder.Insert(std::vector<Event>{At(100, 5, 5), At(200, kWidth, 5), At(300, 5, kHeight), At(400, 65535, 65535),

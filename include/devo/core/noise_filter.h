@@ -38,6 +38,9 @@ class NoiseFilter {
   /// Background events per pixel and second, from the quietest parts of the image in the last quarter of a second.
   double noise_hz() const { return noise_hz_; }
 
+  /// Whether it has been measured: for the first 50 ms it has not.
+  bool knows_noise() const { return knows_noise_; }
+
   /// Of these, how many per pixel and second pass.
   double passing_noise_hz() const;
 
@@ -45,7 +48,7 @@ class NoiseFilter {
   std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
   std::int64_t TicksAt(std::int64_t t_ns) const;
   void Update(std::int64_t t_ns);
-  void UpdateNoise();
+  void UpdateNoise(double span_s);
   void UpdateHotPixels();
   bool IsHot(std::size_t i) const;
   void ForgetLongAgo(std::int64_t ticks);
@@ -58,10 +61,11 @@ class NoiseFilter {
   int tick_shift_ = 0;  // a tick is 2^tick_shift_ microseconds: one, unless the window is long
   // One pixel of border on every side, so that neighbours need no bounds check.
   std::vector<std::uint32_t> pixels_;
-  std::int64_t t0_ns_ = -1, next_update_ns_ = 0, forgot_ticks_ = 0;
+  std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
   std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
   std::vector<std::uint32_t> hot_;
   double noise_hz_ = 0;
+  bool knows_noise_ = false;
   int needed_neighbours_ = 0;
   int hot_pixels_ = 0;
 };

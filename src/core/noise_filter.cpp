@@ -26,27 +26,39 @@ constexpr double kQuietShare = 0.1;    // of the blocks is taken to show nothing
 constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQuietShare
 // Passing noise of this rate is a third of the least activity of a motion.
 constexpr double kTolerableNoise_hz = 0.05;
+// Passing noise of this rate is still little among the events of edges; lower ones cost more of the edges' own.
+constexpr double kMostNoise_hz = 0.5;
 
-// A pixel is one word: in the lower half the tick at which it last fired, wrapping; in the upper half how many events
-// it had in this period, and whether it is hot. An event reads nine of them, so that their size decides the cost.
-constexpr std::uint32_t kTickMask = 0xFFFF, kOneEvent = 0x10000, kCountMask = 0x7FFF0000, kHotBit = 0x80000000;
+// A pixel is one word: in the lower bits the tick at which it last fired, wrapping, half the range later for an ON
+// event; in the upper bits how many events it had in this period, and whether it is hot. An event reads nine of them,
+// so that their size decides the cost. As no age exceeds kAgeMask, an event of the other polarity has an age beyond it,
+// or, with that bit masked out, its own.
+constexpr std::uint32_t kTickMask = 0x1FFFF, kAgeMask = 0xFFFF, kOnTicks = 0x10000;
+constexpr std::uint32_t kOneEvent = 0x20000, kCountMask = 0x7FFE0000, kHotBit = 0x80000000;
 constexpr int kMostEvents = kCountMask / kOneEvent;
 constexpr std::int64_t kLongAgo_ticks = 1 << 14;  // longer than any window: from then on age is not told apart
 constexpr std::int64_t kForgettingPeriod_ticks = 1 << 15;
-static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= 1 << 16, "what is long ago must not come round");
+static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= kAgeMask + 1, "what is long ago must not come round");
 
 constexpr std::ptrdiff_t kAhead = 40;  // events: about the time that the third cache takes to answer
 
+/// A neighbour is old that fired longer than `window_ticks` ago; `age_mask`: kTickMask, where it also must have been of
+/// the same polarity, else kAgeMask.
+struct Age {
+  std::uint32_t window_ticks, age_mask;
+};
+
 inline std::uint32_t CountOf(std::uint32_t pixel) { return (pixel & kCountMask) / kOneEvent; }
 
-/// Tells how many of the eight neighbours of a pixel, in an image whose rows are `stride` long, fired longer than
-/// `window_ticks` before `tick`. Without a branch: which of them did is nothing that a processor could guess.
+/// Tells how many of the eight neighbours of a pixel, in an image whose rows are `stride` long, are old at `tick`.
+/// Without a branch: which of them are is nothing that a processor could guess.
 struct OldNeighbours {
-  explicit OldNeighbours(std::uint32_t window_ticks) : window(cv::v_setall_s32(static_cast<int>(window_ticks))) {}
+  explicit OldNeighbours(Age age)
+      : window(cv::v_setall_s32(static_cast<int>(age.window_ticks))), mask(cv::v_setall_u32(age.age_mask)) {}
 
   DEVO_ALWAYS_INLINE int Count(const std::uint32_t* pixel, int stride, std::uint32_t tick) const {
-    const cv::v_uint32x4 now = cv::v_setall_u32(tick), mask = cv::v_setall_u32(kTickMask);
-    // -1 where it fired before that.
+    const cv::v_uint32x4 now = cv::v_setall_u32(tick);
+    // -1 where it is.
     const auto old = [&](const std::uint32_t* p) {
       return cv::v_reinterpret_as_s32((now - cv::v_load(p)) & mask) > window;
     };
@@ -56,18 +68,20 @@ struct OldNeighbours {
   }
 
   cv::v_int32x4 window;
+  cv::v_uint32x4 mask;
 };
 
 #ifdef DEVO_AVX2
 /// The same, both outer rows at once.
 struct OldNeighboursAvx2 {
-  DEVO_AVX2 explicit OldNeighboursAvx2(std::uint32_t window_ticks)
-      : window(_mm256_set1_epi32(static_cast<int>(window_ticks))) {}
+  DEVO_AVX2 explicit OldNeighboursAvx2(Age age)
+      : window(_mm256_set1_epi32(static_cast<int>(age.window_ticks))),
+        mask(_mm256_set1_epi32(static_cast<int>(age.age_mask))) {}
 
   DEVO_AVX2 inline int Count(const std::uint32_t* pixel, int stride, std::uint32_t tick) const {
     const auto load = [](const std::uint32_t* p)
                           DEVO_AVX2 { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)); };
-    const __m256i now = _mm256_set1_epi32(static_cast<int>(tick)), mask = _mm256_set1_epi32(kTickMask);
+    const __m256i now = _mm256_set1_epi32(static_cast<int>(tick));
     const __m256i outer =
         _mm256_inserti128_si256(_mm256_castsi128_si256(load(pixel - stride - 1)), load(pixel + stride - 1), 1);
     const __m256i old = _mm256_cmpgt_epi32(_mm256_and_si256(_mm256_sub_epi32(now, outer), mask), window);
@@ -79,7 +93,7 @@ struct OldNeighboursAvx2 {
     return __builtin_popcount(static_cast<unsigned>(outer_bits | side_bits << 8));
   }
 
-  __m256i window;
+  __m256i window, mask;
 };
 #endif
 
@@ -103,6 +117,18 @@ inline bool AnyReaches(const std::uint32_t* pixel, std::uint32_t count) {
                          (Above(pixel + 8, count - 1) | Above(pixel + 12, count - 1)));
 }
 
+/// That at least so many of eight neighbours fired within the window, at `rate_hz` each. Binomial: a neighbour did or
+/// did not, however often.
+double ChanceOfNeighbours(int at_least, double rate_hz, std::uint32_t window_us) {
+  const double none = std::exp(-rate_hz * 1e-6 * window_us);
+  double term = std::pow(none, 8), below = 0;
+  for (int k = 0; k < at_least; ++k) {
+    below += term;
+    term *= (8 - k) * (1 - none) / ((k + 1) * none);
+  }
+  return 1 - below;
+}
+
 /// What events are judged by.
 struct Judged {
   std::uint32_t* pixels;
@@ -119,7 +145,7 @@ inline std::uint32_t Counted(std::uint32_t pixel) {
 
 /// Writes the positions, counted from `position`, of the events that pass.
 template <typename Neighbours>
-DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, Neighbours neighbours, EventSpan events, std::uint32_t position,
+DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, const Neighbours& neighbours, EventSpan events, std::uint32_t position,
                                      std::uint32_t* passed) {
   std::size_t count = 0;
   const int most_old = 8 - by.needed;
@@ -137,7 +163,8 @@ DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, Neighbours neighbours, EventSpan
       *pixel = Counted(before);
       continue;
     }
-    const auto tick = static_cast<std::uint32_t>((event.t_ns - by.t0_ns) / kNsPerMicrosecond >> by.tick_shift);
+    const auto tick = static_cast<std::uint32_t>((event.t_ns - by.t0_ns) / kNsPerMicrosecond >> by.tick_shift) +
+                      (event.polarity ? kOnTicks : 0);
     count += neighbours.Count(pixel, by.stride, tick) <= most_old;
     *pixel = (Counted(before) & ~kTickMask) | (tick & kTickMask);
   }
@@ -145,9 +172,8 @@ DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, Neighbours neighbours, EventSpan
 }
 
 #ifdef DEVO_AVX2
-DEVO_AVX2 std::size_t JudgeAvx2(Judged by, std::uint32_t window_ticks, EventSpan events, std::uint32_t position,
-                                std::uint32_t* passed) {
-  return Judge(by, OldNeighboursAvx2(window_ticks), events, position, passed);
+DEVO_AVX2 std::size_t JudgeAvx2(Judged by, Age age, EventSpan events, std::uint32_t position, std::uint32_t* passed) {
+  return Judge(by, OldNeighboursAvx2(age), events, position, passed);
 }
 #endif
 
@@ -175,19 +201,19 @@ NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbo
 }
 
 void NoiseFilter::SetCriteria(double window_s, int min_neighbours, double hot_factor) {
-  // The one more that dense noise asks for stays until the next update.
-  needed_neighbours_ = min_neighbours > 0 ? min_neighbours + needed_neighbours_ - min_neighbours_ : 0;
   window_us_ = static_cast<std::uint32_t>(1e6 * window_s);
   min_neighbours_ = min_neighbours;
   hot_factor_ = hot_factor;
+  SetNeeded();
 }
 
 void NoiseFilter::Reset() {
   // Neighbours are read four at a time: one more than there are at the end.
   pixels_.assign(static_cast<std::size_t>(stride_) * (height_ + 2) + 1, kTickMask & -kLongAgo_ticks);
   noise_hz_ = 0;
+  on_share_ = 0.5;
   knows_noise_ = false;
-  needed_neighbours_ = min_neighbours_ > 0 ? min_neighbours_ + 1 : 0;  // until the noise is known
+  SetNeeded();
   t0_ns_ = -1;
   hot_pixels_ = 0;
 }
@@ -201,8 +227,8 @@ std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
       next_update_ns_ = t0_ns_ + kFirstPeriod_ns;
       forgot_ticks_ = 0;
     }
-    if (next->t_ns >= next_update_ns_) Update(next->t_ns);
     if (TicksAt(next->t_ns) - forgot_ticks_ >= kForgettingPeriod_ticks) ForgetLongAgo(TicksAt(next->t_ns));
+    if (next->t_ns >= next_update_ns_) Update(next->t_ns);
     const std::int64_t forget_us = (forgot_ticks_ + kForgettingPeriod_ticks) << tick_shift_;
     const std::int64_t end_ns = std::min(next_update_ns_, t0_ns_ + forget_us * kNsPerMicrosecond);
     const Event* until =
@@ -223,33 +249,48 @@ std::int64_t NoiseFilter::TicksAt(std::int64_t t_ns) const {
 
 std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed) {
   const Judged judged{pixels_.data(), stride_, needed_neighbours_, t0_ns_, tick_shift_};
-  const std::uint32_t window_ticks = window_us_ >> tick_shift_;
+  const Age age{needed_window_us_ >> tick_shift_, needs_same_polarity_ ? kTickMask : kAgeMask};
   if (min_neighbours_ == 0) return CountOnly(judged, events, position, passed);
 #ifdef DEVO_AVX2
-  if (HasAvx2()) return JudgeAvx2(judged, window_ticks, events, position, passed);
+  if (HasAvx2()) return JudgeAvx2(judged, age, events, position, passed);
 #endif
-  return Judge(judged, OldNeighbours(window_ticks), events, position, passed);
+  return Judge(judged, OldNeighbours(age), events, position, passed);
 }
 
-double NoiseFilter::ChanceOfNeighbours(int at_least) const {
-  // Binomial: each of eight neighbours fired within the window or did not, however often.
-  const double none = std::exp(-noise_hz_ * 1e-6 * window_us_);
-  double term = std::pow(none, 8), below = 0;
-  for (int k = 0; k < at_least; ++k) {
-    below += term;
-    term *= (8 - k) * (1 - none) / ((k + 1) * none);
+double NoiseFilter::passing_noise_hz() const {
+  const auto passing_hz = [this](double rate_hz) {
+    return rate_hz * ChanceOfNeighbours(needed_neighbours_, rate_hz, needed_window_us_);
+  };
+  if (!needs_same_polarity_) return passing_hz(noise_hz_);
+  return passing_hz(on_share_ * noise_hz_) + passing_hz((1 - on_share_) * noise_hz_);
+}
+
+void NoiseFilter::SetNeeded() {
+  needed_window_us_ = window_us_;
+  needs_same_polarity_ = false;
+  needed_neighbours_ = min_neighbours_;
+  if (min_neighbours_ == 0) return;
+  if (!knows_noise_ || passing_noise_hz() > kTolerableNoise_hz) ++needed_neighbours_;
+  // A third neighbour would take more from the edges of low resolutions. Along an edge pixels fire together and alike.
+  needs_same_polarity_ = passing_noise_hz() > kMostNoise_hz;
+  if (passing_noise_hz() <= kMostNoise_hz) return;
+  std::uint32_t longest_us = 0, too_long_us = window_us_;
+  while (too_long_us - longest_us > 1) {
+    needed_window_us_ = (longest_us + too_long_us) / 2;
+    (passing_noise_hz() > kMostNoise_hz ? too_long_us : longest_us) = needed_window_us_;
   }
-  return 1 - below;
+  needed_window_us_ = longest_us;
 }
-
-double NoiseFilter::passing_noise_hz() const { return noise_hz_ * ChanceOfNeighbours(needed_neighbours_); }
 
 void NoiseFilter::Update(std::int64_t t_ns) {
   // After a gap it is the events before it that were counted.
   UpdateNoise(SecondsFromNs(next_update_ns_ - counted_since_ns_));
-  if (!knows_noise_) {
+  UpdateShareOfOn(TicksAt(t_ns));
+  const bool first = !knows_noise_;
+  knows_noise_ = true;
+  SetNeeded();
+  if (first) {
     // Too early to tell hot pixels: what was counted stays.
-    knows_noise_ = true;
     next_update_ns_ = std::max(t_ns, counted_since_ns_ + kPeriod_ns);
     return;
   }
@@ -278,9 +319,17 @@ void NoiseFilter::UpdateNoise(double span_s) {
     if (*quiet > 0) count = std::pow(0.5 * kQuietSigmas + std::sqrt(0.25 * kQuietSigmas * kQuietSigmas + *quiet), 2);
   }
   noise_hz_ = count / (kBlock * kBlock * span_s);
-  if (min_neighbours_ == 0) return;
-  const bool noisy = noise_hz_ * ChanceOfNeighbours(min_neighbours_) > kTolerableNoise_hz;
-  needed_neighbours_ = min_neighbours_ + (noisy ? 1 : 0);
+}
+
+void NoiseFilter::UpdateShareOfOn(std::int64_t ticks) {
+  std::size_t recent = 0, on = 0;
+  for (const std::uint32_t pixel : pixels_) {
+    const std::uint32_t age = static_cast<std::uint32_t>(ticks) - pixel;
+    const bool is_recent = (age & kAgeMask) < kLongAgo_ticks;
+    recent += is_recent;
+    on += is_recent & ((age & kOnTicks) != 0);
+  }
+  on_share_ = recent > 0 ? static_cast<double>(on) / static_cast<double>(recent) : 0.5;
 }
 
 bool NoiseFilter::IsHot(std::size_t i) const {
@@ -314,7 +363,7 @@ void NoiseFilter::ForgetLongAgo(std::int64_t ticks) {
   const bool all = ticks - forgot_ticks_ >= kForgettingPeriod_ticks + kLongAgo_ticks;
   const auto now = static_cast<std::uint32_t>(ticks), long_ago = static_cast<std::uint32_t>(ticks - kLongAgo_ticks);
   for (std::uint32_t& pixel : pixels_) {
-    const bool forget = all | (((now - pixel) & kTickMask) > kLongAgo_ticks);
+    const bool forget = all | (((now - pixel) & kAgeMask) > kLongAgo_ticks);
     pixel = forget ? (pixel & ~kTickMask) | (long_ago & kTickMask) : pixel;
   }
   forgot_ticks_ = ticks;

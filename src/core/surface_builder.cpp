@@ -130,6 +130,7 @@ struct SurfaceBuilder::Impl {
   struct Progress {
     std::int64_t t_ns;
     std::uint64_t in, passed;
+    bool knows_noise;
   };
   std::vector<Progress> progress;  // one per surface, spanning the rate window: a few
 
@@ -248,15 +249,16 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
 
 void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   // When events come faster than surfaces use them, only some went through the filter: scale by the share.
-  progress.push_back({t_ns, counters.in, compensated ? kept.end() : counters.in});
+  progress.push_back({t_ns, counters.in, compensated ? kept.end() : counters.in, !compensated || filter.knows_noise()});
   while (progress.size() > 2 && progress[1].t_ns <= t_ns - kRateWindow_ns) progress.erase(progress.begin());
   const Progress &a = progress.front(), &b = progress.back();
   const double span_s = std::max(SecondsFromNs(b.t_ns - a.t_ns), 0.5 / options.rate_hz);
   surface->event_rate_hz = static_cast<double>(b.in - a.in) / span_s;
   surface->activity_hz = static_cast<double>(b.passed - a.passed) / span_s / (camera.width() * camera.height());
   if (compensated) surface->activity_hz = std::max(0.0, surface->activity_hz - filter.passing_noise_hz());
-  // Noise that is not known yet would pass for motion, and a map be made of it.
-  surface->still = surface->activity_hz < options.still_activity_hz || (compensated && !filter.knows_noise());
+  // Noise that is not known yet would pass for motion, and a map be made of it; so would very dense noise of before.
+  const bool known = b.knows_noise && (a.knows_noise || !filter.noise_is_very_dense());
+  surface->still = surface->activity_hz < options.still_activity_hz || !known;
 }
 
 std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const {

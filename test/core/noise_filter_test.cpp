@@ -21,15 +21,17 @@ Event At(std::int64_t t_ns, int x, int y) {
 
 constexpr int kSide = 128;
 
-/// Independent noise at `rate_hz` per pixel on the first `width` of kSide columns.
-std::vector<Event> Noise(double rate_hz, double seconds, int width = kSide) {
+/// Independent noise at `rate_hz` per pixel on the first `width` of kSide columns, `on_share` of it ON.
+std::vector<Event> Noise(double rate_hz, double seconds, int width = kSide, double on_share = 0.5) {
   std::mt19937 random(3);
   std::exponential_distribution<double> wait_s(rate_hz * width * kSide);
   std::uniform_int_distribution<int> x(0, width - 1), y(0, kSide - 1);
+  std::bernoulli_distribution on(on_share);
   std::vector<Event> events;
   for (double t_s = wait_s(random); t_s < seconds; t_s += wait_s(random)) {
     const int column = x(random);
     events.push_back(At(static_cast<std::int64_t>(1e9 * t_s), column, y(random)));
+    events.back().polarity = on(random);
   }
   return events;
 }
@@ -85,8 +87,55 @@ TEST(NoiseFilter, LetsAsMuchThinNoisePassAsChanceBringsTogether) {
 
 TEST(NoiseFilter, AsksOneNeighbourMoreWhereNoiseIsDense) {
   ExpectThatNeighboursSuffice(1, 2, 5, 0.005);
-  ExpectThatNeighboursSuffice(1, 2, 10, 0.01);
+  ExpectThatNeighboursSuffice(1, 2, 5, 0.01);
   ExpectThatNeighboursSuffice(2, 3, 10, 0.01);
+}
+
+TEST(NoiseFilter, LetsHalfAnEventPerPixelAndSecondPassHoweverDenseTheNoiseAndWhateverItsPolarity) {
+  for (const double rate_hz : {8, 12, 40}) {
+    for (const double on_share : {0.5, 0.9, 1.0}) {
+      NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
+      const Split noise(Noise(rate_hz, 2, kSide, on_share));
+      CountThatPass(noise.before, &filter);
+      const double share = ShareThatPasses(noise.after, &filter);
+      EXPECT_LT(share * rate_hz, 0.6) << rate_hz << " Hz, ON share " << on_share;
+      // Not more is taken than need be: at 8 Hz it is enough to ask for the same polarity.
+      EXPECT_GT(share * rate_hz, rate_hz > 10 ? 0.4 : 0.1) << rate_hz << " Hz, ON share " << on_share;
+    }
+  }
+}
+
+TEST(NoiseFilter, AsksForNeighboursOfTheSamePolarityWhereNoiseIsVeryDense) {
+  for (const double rate_hz : {3, 10}) {
+    NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
+    CountThatPass(Noise(rate_hz, kKnown_s), &filter);
+    const auto passes = [&](std::int64_t t_ns, std::uint8_t polarity) {
+      for (const int x : {49, 51}) filter.Pass(At(t_ns, x, 50));  // ON
+      Event event = At(t_ns + kMs / 10, 50, 50);
+      event.polarity = polarity;
+      return filter.Pass(event);
+    };
+    EXPECT_TRUE(passes(kKnown_ns + 20 * kMs, 1)) << rate_hz << " Hz";
+    EXPECT_EQ(passes(kKnown_ns + 40 * kMs, 0), rate_hz < 5) << rate_hz << " Hz";
+  }
+}
+
+TEST(NoiseFilter, LetsAnEdgeMovingInVeryDenseNoisePass) {
+  std::vector<Event> events = Noise(20, 1);
+  std::mt19937 random(4);
+  std::uniform_int_distribution<std::int64_t> jitter_ns(0, kMs);
+  for (int x = 1; x < kSide; ++x) {  // 500 px/s, vertical, from 0.3 s on
+    for (int y = 0; y < kSide; ++y) events.push_back(At(kKnown_ns + 2 * x * kMs + jitter_ns(random), x, y));
+  }
+  const std::size_t edge = static_cast<std::size_t>(kSide - 1) * kSide;
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  const Split split(events);
+  NoiseFilter with_edge(kSide, kSide, 0.01, 1, 0), without(kSide, kSide, 0.01, 1, 0);
+  CountThatPass(split.before, &with_edge);
+  const Split noise(Noise(20, 1));
+  CountThatPass(noise.before, &without);
+  const auto more = CountThatPass(split.after, &with_edge) - CountThatPass(noise.after, &without);
+  EXPECT_GT(static_cast<double>(more), 0.8 * static_cast<double>(edge));
 }
 
 TEST(NoiseFilter, AsksOneNeighbourMoreUntilTheNoiseIsKnown) {
@@ -206,7 +255,7 @@ TEST(NoiseFilter, GivesTheSameWhereverAStreamIsCut) {
     for (std::size_t k = 0; k < count; ++k) found.push_back(static_cast<std::uint32_t>(i) + passed[k]);
     i += size;
   }
-  EXPECT_GT(expected.size(), events.size() / 10);
+  EXPECT_GT(expected.size(), events.size() / 50);
   EXPECT_EQ(found, expected);
   EXPECT_EQ(in_spans.hot_pixels(), one_by_one.hot_pixels());
 }
@@ -282,7 +331,8 @@ TEST(NoiseFilter, TakesOtherCriteriaFromTheNextEventOn) {
   filter.SetCriteria(0.001, 1, 0);
   EXPECT_FALSE(filter.Pass({3'000'000, 5, 5, 1}));
   EXPECT_FALSE(filter.Pass({5'000'000, 6, 5, 1}));  // its neighbour fired, but 2 ms ago
-  EXPECT_TRUE(filter.Pass({5'500'000, 7, 5, 1}));
+  EXPECT_FALSE(filter.Pass({5'500'000, 7, 5, 1}));  // one more is asked for as long as the noise is unknown
+  EXPECT_TRUE(filter.Pass({5'600'000, 6, 6, 1}));
 }
 
 }  // namespace

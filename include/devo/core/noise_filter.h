@@ -14,8 +14,9 @@ namespace devo {
 class NoiseFilter {
  public:
   /// `window_s`: how recent a neighbour must be; `min_neighbours`: 0 lets every event pass, else it is raised by one
-  /// where noise is so dense that it often has neighbours by chance; `hot_factor`: a pixel this many times as active
-  /// as its neighbours is hot, 0: none is.
+  /// where noise is so dense that it often has neighbours by chance. Where it is denser still (from 6 Hz per pixel
+  /// with a window of 10 ms), they must have been of the event's polarity within a shorter window, such that not more
+  /// than 0.5 Hz pass. `hot_factor`: a pixel this many times as active as its neighbours is hot, 0: none is.
   NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor);
 
   /// Writes the positions (0 to events.size - 1, rising) of those events that are signal to `passed`, which has room
@@ -41,6 +42,9 @@ class NoiseFilter {
   /// Whether it has been measured: for the first 50 ms it has not.
   bool knows_noise() const { return knows_noise_; }
 
+  /// Whether neighbours must have been of the same polarity, too; more of it passed before it was known.
+  bool noise_is_very_dense() const { return needs_same_polarity_; }
+
   /// Of these, how many per pixel and second pass.
   double passing_noise_hz() const;
 
@@ -52,7 +56,8 @@ class NoiseFilter {
   void UpdateHotPixels();
   bool IsHot(std::size_t i) const;
   void ForgetLongAgo(std::int64_t ticks);
-  double ChanceOfNeighbours(int at_least) const;
+  void UpdateShareOfOn(std::int64_t ticks);
+  void SetNeeded();
 
   int width_, height_, stride_;
   std::uint32_t window_us_;
@@ -64,9 +69,11 @@ class NoiseFilter {
   std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
   std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
   std::vector<std::uint32_t> hot_;
-  double noise_hz_ = 0;
+  double noise_hz_ = 0, on_share_ = 0.5;
   bool knows_noise_ = false;
+  std::uint32_t needed_window_us_ = 0;
   int needed_neighbours_ = 0;
+  bool needs_same_polarity_ = false;
   int hot_pixels_ = 0;
 };
 

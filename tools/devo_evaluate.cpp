@@ -16,7 +16,7 @@ namespace {
 void Print(const devo::Evaluation& e) {
   std::printf("pairs                %zu\n", e.pairs);
   std::printf("ATE RMSE             %.6f m (max %.6f m), SE(3)-aligned, no scale\n", e.ate_rmse_m, e.ate_max_m);
-  std::printf("drift                %.3f %% of %.3f m\n", e.drift_percent, e.path_length_m);
+  std::printf("drift                %s\n", DriftText(e, 3).c_str());
   if (e.rpe_pairs > 0) {
     std::printf("RPE rotation RMSE    %.4f deg (%zu pairs)\n", e.rpe_rotation_rmse_deg, e.rpe_pairs);
     std::printf("RPE translation RMSE %.4f cm\n", e.rpe_translation_rmse_cm);

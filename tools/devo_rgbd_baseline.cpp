@@ -288,8 +288,9 @@ nlohmann::json Report(const std::string& name, const Arguments& arguments, const
               result.trajectory.size(), result.refused, Median(result.cpu_ms));
   const auto print = [](const char* what, const nlohmann::json& e) {
     if (e.is_null()) return;
-    std::printf(", %s %.2f cm (%.2f %% of %.2f m)", what, 100 * e["ate_rmse_m"].get<double>(),
-                e["drift_percent"].get<double>(), e["path_length_m"].get<double>());
+    std::printf(", %s %.2f cm", what, 100 * e["ate_rmse_m"].get<double>());
+    if (e["drift_percent"].is_null()) return;
+    std::printf(" (%.2f %% of %.2f m)", e["drift_percent"].get<double>(), e["path_length_m"].get<double>());
   };
   print("ATE", report["evaluation"]);
   print("compared ATE", report["compared"]);

@@ -98,7 +98,7 @@ void AddAbsoluteError(const std::vector<Pair>& pairs, Evaluation* result) {
     last_error = error;
   }
   result->ate_rmse_m = std::sqrt(sum / static_cast<double>(pairs.size()));
-  if (result->path_length_m > 0) result->drift_percent = 100 * result->ate_rmse_m / result->path_length_m;
+  if (result->path_length_m >= kLeastPath_m) result->drift_percent = 100 * result->ate_rmse_m / result->path_length_m;
 }
 
 void AddRelativeError(const std::vector<Pair>& pairs, const EvaluationOptions& options, Evaluation* result) {
@@ -172,13 +172,23 @@ Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const E
   return result;
 }
 
+std::string DriftText(const Evaluation& e, int digits) {
+  char text[96];
+  if (e.drift_percent) {
+    std::snprintf(text, sizeof(text), "%.*f %% of %.*f m", digits, *e.drift_percent, digits, e.path_length_m);
+  } else {
+    std::snprintf(text, sizeof(text), "a path of %.*f m", digits, e.path_length_m);
+  }
+  return text;
+}
+
 std::string ToJson(const Evaluation& e) {
   nlohmann::json json;
   json["pairs"] = e.pairs;
   json["ate_rmse_m"] = e.ate_rmse_m;
   json["ate_max_m"] = e.ate_max_m;
   json["path_length_m"] = e.path_length_m;
-  json["drift_percent"] = e.drift_percent;
+  json["drift_percent"] = e.drift_percent ? nlohmann::json(*e.drift_percent) : nullptr;
   json["rpe_pairs"] = e.rpe_pairs;
   // null, not zero: a recording shorter than the interval has no relative error.
   json["rpe_rotation_rmse_deg"] = e.rpe_pairs > 0 ? nlohmann::json(e.rpe_rotation_rmse_deg) : nullptr;

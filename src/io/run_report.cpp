@@ -115,8 +115,8 @@ std::string RunReport::Summary() const {
                 static_cast<unsigned long long>(counters.references), RealTimeFactor());
   std::string text = line;
   if (evaluation) {
-    std::snprintf(line, sizeof(line), "ATE %.2f cm (%.2f %% of %.2f m), ", 100 * evaluation->ate_rmse_m,
-                  evaluation->drift_percent, evaluation->path_length_m);
+    std::snprintf(line, sizeof(line), "ATE %.2f cm (%s), ", 100 * evaluation->ate_rmse_m,
+                  DriftText(*evaluation, 2).c_str());
     text += line;
     if (evaluation->rpe_pairs > 0) {
       std::snprintf(line, sizeof(line), "RPE over 1 s %.2f deg, %.2f cm\n", evaluation->rpe_rotation_rmse_deg,

@@ -82,7 +82,9 @@ TEST(Evaluation, CountsScaleAsError) {
   // Errors are 0.1 (t - 1), uniform over [-0.1, 0.1]: RMSE 0.1 / sqrt(3).
   EXPECT_NEAR(e.ate_rmse_m, 0.1 / std::sqrt(3.0), 5e-4);
   EXPECT_NEAR(e.path_length_m, 2, 1e-9);
-  EXPECT_NEAR(e.drift_percent, 100 * e.ate_rmse_m / 2, 1e-9);
+  ASSERT_TRUE(e.drift_percent);
+  EXPECT_NEAR(*e.drift_percent, 100 * e.ate_rmse_m / 2, 1e-9);
+  EXPECT_EQ(DriftText(e, 1), "2.9 % of 2.0 m");
   EXPECT_NEAR(e.rpe_translation_rmse_cm, 10, 1e-6);
 }
 
@@ -133,6 +135,16 @@ TEST(Evaluation, SaysNothingOfTheRelativeErrorOfARecordingShorterThanTheInterval
   const Evaluation e = Evaluate(Sample(0, 0.5, 0.01, TruthAt), Sample(0, 0.5, 0.01, TruthAt));
   EXPECT_EQ(e.rpe_pairs, 0U);
   EXPECT_THAT(ToJson(e), HasSubstr("\"rpe_rotation_rmse_deg\": null"));
+}
+
+TEST(Evaluation, GivesNoShareOfAPathThatIsNone) {
+  const auto turns = [](double t) { return Rigid3::Rotation(ExpSO3({0, 0, t})); };
+  const auto wavers = [&](double t) { return turns(t) * Rigid3::Translation({0.01 * std::sin(9 * t), 0, 0}); };
+  const Evaluation e = Evaluate(Sample(0, 2, 0.01, turns), Sample(0, 2, 0.01, wavers));
+  EXPECT_GT(e.ate_rmse_m, 0.001);
+  EXPECT_FALSE(e.drift_percent);
+  EXPECT_THAT(ToJson(e), HasSubstr("\"drift_percent\": null"));
+  EXPECT_EQ(DriftText(e, 2), "a path of 0.00 m");
 }
 
 TEST(AlignPoints, NeverReflects) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,9 +35,13 @@ struct Evaluation {
   double max_step_m = 0;     ///< largest change of the position error between consecutive estimates (jumps)
   double coverage = 0;       ///< share of the ground truth's span that the estimate covers without gaps, 0..1
   double path_length_m = 0;  ///< of the ground truth at the pairs
-  double drift_percent = 0;  ///< ATE in percent of the path's length
-  Rigid3 T_truth_estimate;   ///< the alignment
+  /// ATE in percent of the path's length; none where that is below kLeastPath_m: pure rotation, a standstill.
+  std::optional<double> drift_percent;
+  Rigid3 T_truth_estimate;  ///< the alignment
 };
+
+/// The shortest path that an error is given a share of.
+constexpr double kLeastPath_m = 0.02;
 
 /// A standstill: slower than this for at least half a second.
 constexpr double kStill_m_s = 2e-3, kStill_deg_s = 0.1, kStill_s = 0.5;
@@ -49,6 +54,9 @@ Evaluation Evaluate(const Trajectory& truth, const Trajectory& estimate, const E
 
 /// Rigid transformation T minimising sum |truth_i - T estimate_i|^2 (Umeyama 1991 without scale). 3 x n each, n >= 1.
 Rigid3 AlignPoints(const Eigen::Matrix3Xd& truth, const Eigen::Matrix3Xd& estimate);
+
+/// "0.54 % of 2.19 m", or "a path of 0.00 m" where there is no share.
+std::string DriftText(const Evaluation& evaluation, int digits);
 
 /// As one JSON object.
 std::string ToJson(const Evaluation& evaluation);

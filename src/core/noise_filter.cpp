@@ -2,6 +2,7 @@
 #include "devo/core/noise_filter.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "devo/core/time.h"
@@ -28,6 +29,15 @@ constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQ
 constexpr double kTolerableNoise_hz = 0.05;
 // Passing noise of this rate is still little among the events of edges; lower ones cost more of the edges' own.
 constexpr double kMostNoise_hz = 0.5;
+
+// Lamps flicker at twice the mains' frequency, 100 or 120 Hz, and pixels that see them fire at least once brighter and
+// once darker each time: this many events per second are half of that. Where they fill half of an area, nearly all with
+// the last event of one polarity and within a quarter of a period, twice in a row, it is no motion: an edge that
+// crosses so large an area so fast does so once.
+constexpr double kFlicker_hz = 100;
+constexpr int kFlickerSide = kBlock, kFlickerStep = 8, kFlickerLeast = kFlickerSide * kFlickerSide / 2;
+constexpr double kFlickerAlike = 0.9;
+constexpr std::int64_t kFlickerSpread_us = 2500;
 
 // A pixel is one word: in the lower bits the tick at which it last fired, wrapping, half the range later for an ON
 // event; in the upper bits how many events it had in this period, and whether it is hot. An event reads nine of them,
@@ -129,6 +139,16 @@ double ChanceOfNeighbours(int at_least, double rate_hz, std::uint32_t window_us)
   return 1 - below;
 }
 
+/// Whether kFlickerAlike of the ages are within `spread` of each other, those of the other polarity lying far away.
+bool AreAlike(std::int64_t* ages, std::size_t count, std::int64_t spread) {
+  if (count == 0) return false;
+  std::nth_element(ages, ages + count / 2, ages + count);
+  const std::int64_t median = ages[count / 2];
+  const auto alike =
+      std::count_if(ages, ages + count, [&](std::int64_t age) { return std::abs(age - median) <= spread / 2; });
+  return static_cast<double>(alike) >= kFlickerAlike * static_cast<double>(count);
+}
+
 /// What events are judged by.
 struct Judged {
   std::uint32_t* pixels;
@@ -212,6 +232,10 @@ void NoiseFilter::Reset() {
   pixels_.assign(static_cast<std::size_t>(stride_) * (height_ + 2) + 1, kTickMask & -kLongAgo_ticks);
   noise_hz_ = 0;
   on_share_ = 0.5;
+  const auto areas = [](int side) {
+    return static_cast<std::size_t>(std::max(side - kFlickerSide, -kFlickerStep) / kFlickerStep + 1);
+  };
+  suspected_.assign(areas(width_) * areas(height_), 0);
   knows_noise_ = false;
   SetNeeded();
   t0_ns_ = -1;
@@ -284,13 +308,16 @@ void NoiseFilter::SetNeeded() {
 
 void NoiseFilter::Update(std::int64_t t_ns) {
   // After a gap it is the events before it that were counted.
-  UpdateNoise(SecondsFromNs(next_update_ns_ - counted_since_ns_));
+  const double span_s = SecondsFromNs(next_update_ns_ - counted_since_ns_);
+  UpdateNoise(span_s);
+  FindFlicker(span_s, TicksAt(t_ns));
   UpdateShareOfOn(TicksAt(t_ns));
   const bool first = !knows_noise_;
   knows_noise_ = true;
   SetNeeded();
   if (first) {
     // Too early to tell hot pixels: what was counted stays.
+    for (const std::uint32_t i : flickering_) pixels_[i] |= kHotBit;
     next_update_ns_ = std::max(t_ns, counted_since_ns_ + kPeriod_ns);
     return;
   }
@@ -342,6 +369,45 @@ bool NoiseFilter::IsHot(std::size_t i) const {
   return quiet >= 0 && NeighboursAbove(pixels_.data() + i, stride_, static_cast<std::uint32_t>(quiet)) <= 3;
 }
 
+void NoiseFilter::FindFlicker(double span_s, std::int64_t ticks) {
+  flickering_.clear();
+  const auto least = static_cast<std::uint32_t>(kFlicker_hz * span_s);
+  std::size_t area = 0;
+  for (int y = 0; y + kFlickerSide <= height_; y += kFlickerStep) {
+    const std::size_t row = static_cast<std::size_t>(y + 1) * stride_ + 1;
+    for (int x = 0; x + kFlickerSide <= width_; x += kFlickerStep, ++area) {
+      AddFlickerOf(row + x, least, ticks, &suspected_[area]);
+    }
+  }
+}
+
+void NoiseFilter::AddFlickerOf(std::size_t corner, std::uint32_t least, std::int64_t ticks, char* suspected) {
+  // The common case first: an area of which half flickers does so in one of these rows.
+  const auto reaches = [&](int y) {
+    return AnyReaches(pixels_.data() + corner + static_cast<std::size_t>(y) * stride_, least);
+  };
+  if (!reaches(kFlickerSide / 4) && !reaches(3 * kFlickerSide / 4)) {
+    *suspected = 0;
+    return;
+  }
+  std::array<std::uint32_t, kFlickerSide * kFlickerSide> busy;
+  std::array<std::int64_t, kFlickerSide * kFlickerSide> ages;
+  std::size_t count = 0, aged = 0;
+  for (int y = 0; y < kFlickerSide; ++y) {
+    const std::size_t row = corner + static_cast<std::size_t>(y) * stride_;
+    for (std::size_t i = row; i < row + kFlickerSide; ++i) {
+      if (CountOf(pixels_[i]) < least) continue;
+      busy[count++] = static_cast<std::uint32_t>(i);
+      // Those known to flicker, or hot, have no times any more: they do as long as they are as busy.
+      if (!(pixels_[i] & kHotBit)) ages[aged++] = (static_cast<std::uint32_t>(ticks) - pixels_[i]) & kTickMask;
+    }
+  }
+  const bool known = count - aged >= kFlickerLeast, suspected_before = *suspected;
+  *suspected = count >= kFlickerLeast && AreAlike(ages.data(), aged, kFlickerSpread_us >> tick_shift_);
+  if (count < kFlickerLeast || !(known || (suspected_before && *suspected))) return;
+  flickering_.insert(flickering_.end(), busy.begin(), busy.begin() + count);
+}
+
 void NoiseFilter::UpdateHotPixels() {
   hot_.clear();
   const std::size_t first = stride_, last = static_cast<std::size_t>(stride_) * (height_ + 1);
@@ -355,6 +421,7 @@ void NoiseFilter::UpdateHotPixels() {
   }
   for (std::uint32_t& pixel : pixels_) pixel &= kTickMask;
   for (const std::uint32_t i : hot_) pixels_[i] |= kHotBit;
+  for (const std::uint32_t i : flickering_) pixels_[i] |= kHotBit;
   hot_pixels_ = static_cast<int>(hot_.size());
 }
 

@@ -306,6 +306,49 @@ TEST(NoiseFilter, DoesNotTakePixelsInsideOrAtTheSidesOfABusyPatchForHot) {
   EXPECT_EQ(filter.hot_pixels(), 0);
 }
 
+/// The columns up to `width` of all rows fire ON every 10 ms and OFF 5 ms later, each time within 1.5 ms.
+std::vector<Event> Flicker(double seconds, int width) {
+  std::mt19937 random(6);
+  std::uniform_int_distribution<std::int64_t> late_ns(0, 3 * kMs / 2);
+  std::vector<Event> events;
+  for (std::int64_t t_ns = 0; t_ns < static_cast<std::int64_t>(1e9 * seconds); t_ns += 5 * kMs) {
+    for (int i = 0; i < width * kSide; ++i) {
+      events.push_back(At(t_ns + late_ns(random), i % width, i / width));
+      events.back().polarity = t_ns % (10 * kMs) == 0;
+    }
+  }
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  return events;
+}
+
+TEST(NoiseFilter, LeavesOutAnAreaThatFlickersAndSeesItAgainWhenTheLampIsOff) {
+  NoiseFilter filter(kSide, kSide, 0.01, 1, 20);
+  const Split flicker(Flicker(1.5, 40));
+  CountThatPass(flicker.before, &filter);
+  EXPECT_LT(ShareThatPasses(flicker.after, &filter), 0.01);
+  filter.Pass(At(1800 * kMs, 100, 100));
+  filter.Pass(At(2100 * kMs, 100, 100));
+  filter.Pass(At(2101 * kMs, 10, 10));
+  filter.Pass(At(2102 * kMs, 11, 10));
+  EXPECT_TRUE(filter.Pass(At(2103 * kMs, 10, 11)));
+}
+
+TEST(NoiseFilter, DoesNotTakeForFlickerWhatMovesOverAnAreaAsOften) {
+  // Stripes of 8 px at 800 px/s: every pixel fires ON and OFF 50 times per second each. A quarter of the image is
+  // quiet.
+  NoiseFilter filter(kSide, kSide, 0.01, 1, 20);
+  std::vector<Event> events;
+  for (int step = 0; step < 1200; ++step) {
+    for (int x = step % 8; x < 3 * kSide / 4; x += 8) {
+      for (int y = 0; y < kSide; ++y) {
+        events.push_back(At(step * 5 * kMs / 4, x, y));
+        events.back().polarity = (step - x) / 8 % 2 == 0;
+      }
+    }
+  }
+  EXPECT_GT(ShareThatPasses(events, &filter), 0.8);
+}
+
 TEST(NoiseFilter, LetsAPixelPassAgainThatHasCooledDown) {
   NoiseFilter filter(20, 20, 0.005, 0, 20);
   PassLate(&filter, {{7, 7}}, 400);

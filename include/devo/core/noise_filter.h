@@ -10,7 +10,8 @@ namespace devo {
 
 /// Tells signal from noise, one event at a time. Background activity (thermal noise, leak) comes alone: an
 /// event passes when enough of its eight neighbours fired shortly before it (Delbruck, "Frame-free dynamic
-/// digital vision", 2008). A hot pixel fires at a rate that its neighbours do not share. Not thread-safe.
+/// digital vision", 2008). A hot pixel fires at a rate that its neighbours do not share. Where a lamp flickers, an area
+/// fires as one, over and over; it is left out like hot pixels, from half a second on. Not thread-safe.
 class NoiseFilter {
  public:
   /// `window_s`: how recent a neighbour must be; `min_neighbours`: 0 lets every event pass, else it is raised by one
@@ -54,6 +55,8 @@ class NoiseFilter {
   void Update(std::int64_t t_ns);
   void UpdateNoise(double span_s);
   void UpdateHotPixels();
+  void FindFlicker(double span_s, std::int64_t ticks);
+  void AddFlickerOf(std::size_t corner, std::uint32_t least, std::int64_t ticks, char* suspected);
   bool IsHot(std::size_t i) const;
   void ForgetLongAgo(std::int64_t ticks);
   void UpdateShareOfOn(std::int64_t ticks);
@@ -68,7 +71,9 @@ class NoiseFilter {
   std::vector<std::uint32_t> pixels_;
   std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
   std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
-  std::vector<std::uint32_t> hot_;
+  std::vector<std::uint32_t> hot_, flickering_;
+  std::vector<char>
+      suspected_;  // per area of 16 x 16 pixels, every 8: whether it looked like flicker in the last period
   double noise_hz_ = 0, on_share_ = 0.5;
   bool knows_noise_ = false;
   std::uint32_t needed_window_us_ = 0;

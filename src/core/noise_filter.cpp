@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "devo/core/time.h"
 #include "simd.h"
@@ -312,11 +313,9 @@ void NoiseFilter::Update(std::int64_t t_ns) {
   UpdateNoise(span_s);
   FindFlicker(span_s, TicksAt(t_ns));
   UpdateShareOfOn(TicksAt(t_ns));
-  const bool first = !knows_noise_;
-  knows_noise_ = true;
   SetNeeded();
-  if (first) {
-    // Too early to tell hot pixels: what was counted stays.
+  if (!std::exchange(knows_noise_, true)) {
+    // Too early to tell hot pixels, what was counted stays; and that there is too much noise, not that there is little.
     for (const std::uint32_t i : flickering_) pixels_[i] |= kHotBit;
     next_update_ns_ = std::max(t_ns, counted_since_ns_ + kPeriod_ns);
     return;

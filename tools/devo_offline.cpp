@@ -218,6 +218,8 @@ class Run {
       report_.error = "no pose: " + std::to_string(c.events_in) + " events and " + std::to_string(c.depth_in) + " " +
                       depth_kind + " made no reference, expected events and depth of the same time and a moving camera";
     }
+    const std::string complaint = devo::Complaint(report_.inertial_fit());
+    if (!complaint.empty()) report_.warnings.push_back(complaint);
   }
 
   void Evaluate() {

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -30,6 +32,20 @@ constexpr double kGravitySpeed_m_s = 1, kMinGravitySigma_m_s2 = 0.5, kMaxGravity
 // Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less.
 constexpr double kMaxNormalisedSquare = 16;
 
+// How far poses move what an inertial sensor predicted, squared, over what is expected: stated cautiously on both
+// sides, it is 0.02 with a sensor that fits, at most a few tenths for a moment where events err alike. An error of the
+// sensor counts in it as its square over that of the noise it is taken to have, whatever the noise of the poses, which
+// is how that noise is found.
+constexpr double kFittingSquare = 0.1;
+// That of a sensor that fits seems so many times larger for a moment, in fast motion and in the dark.
+constexpr double kTolerated = 2;
+// It grows within a few poses, so that a sensor that is all wrong does not take the first ones with it, and fades
+// slower than motions turn round, where nothing is seen of it.
+constexpr double kMisfitGrows_s = 0.15, kMisfitFades_s = 0.3, kMaxMisfit = 1e6;
+// One pose may be false, several in a row are not.
+constexpr double kMaxTimes = 10;
+constexpr double kForceSpan_s = 0.5, kShowsMisfit_s = 2;
+
 // Clocks of one host, a sensor's own filter and the latency of dark pixels. Edges err alike for tenths of a second,
 // which looks like evidence: only a part of each step is taken (Brink, "Partial-Update Schmidt-Kalman Filter", 2017).
 constexpr double kDelaySigma_s = 5e-3, kDelayWalk_s = 2e-4, kDelayStep = 0.3;
@@ -37,6 +53,9 @@ constexpr double kDelaySigma_s = 5e-3, kDelayWalk_s = 2e-4, kDelayStep = 0.3;
 // Where things are in the state.
 constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24,
               kDelay = 27;
+
+/// Of a sensor's variance, by how many times larger its errors' squares are than a good one's: gently at first.
+double Widening(double misfit) { return std::max(1.0, misfit * misfit / (misfit + kTolerated)); }
 
 Vector6d Both(double translation, double rotation) {
   Vector6d v;
@@ -52,6 +71,9 @@ void MotionFilter::Reset() {
   gyroscope_bias_.setZero();
   accelerometer_bias_.setZero();
   delay_s_ = 0;
+  turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
+  force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
+  reads_ = false;
 }
 
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event) {
@@ -119,11 +141,15 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
+  return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), ahead.PriorCovariance()};
+}
+
+Matrix6d MotionFilter::PriorCovariance() const {
   // As if the delay were known: not knowing it would let go of rotation, which the gyroscope knows best.
-  Matrix6d covariance = ahead.pose_covariance();
-  const Vector6d with_delay = ahead.P_.col(kDelay).head<6>();
-  if (ahead.P_(kDelay, kDelay) > 0) covariance -= with_delay * with_delay.transpose() / ahead.P_(kDelay, kDelay);
-  return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), covariance};
+  Matrix6d covariance = pose_covariance();
+  const Vector6d with_delay = P_.col(kDelay).head<6>();
+  if (P_(kDelay, kDelay) > 0) covariance -= with_delay * with_delay.transpose() / P_(kDelay, kDelay);
+  return covariance;
 }
 
 void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information) {
@@ -135,6 +161,7 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   // Conditioning on the pose: the rest of the state follows it as far as it is correlated with it.
   const Eigen::Matrix<double, kStates, 6> gain = P_.leftCols<6>() * P_pose_inverse;
   const Vector6d moved = Log(T_world_event_.inverse() * T_world_event);
+  NoteFit(moved, information);
   velocity_ += gain.middleRows<6>(kV) * moved;
   acceleration_ += gain.middleRows<6>(kA) * moved;
   gravity_world_ += gain.middleRows<3>(kGravity) * moved;
@@ -148,12 +175,55 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
+void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information) {
+  turn_misfit_shown_ *= std::exp(-read_turn_s_ / kShowsMisfit_s);
+  push_misfit_shown_ *= std::exp(-read_push_s_ / kShowsMisfit_s);
+  const auto note = [](const Eigen::Vector3d& by, const Eigen::Matrix3d& expected, double* read_s, double* misfit) {
+    const double span_s = std::exchange(*read_s, 0);
+    if (span_s <= 0) return;
+    const double square = by.dot(expected.ldlt().solve(by)) / 3;
+    const double times = std::min(square / kFittingSquare, kMaxTimes);
+    const double now = times * Widening(*misfit);
+    const double share = 1 - std::exp(-span_s / (now > *misfit ? kMisfitGrows_s : kMisfitFades_s));
+    if (std::isfinite(square)) *misfit = std::min(kMaxMisfit, *misfit + share * (now - *misfit));
+  };
+  if (read_turn_s_ <= 0) return;
+  const Matrix6d I = Matrix6d::Identity(), prior = PriorCovariance();
+  const Matrix6d expected = prior - (prior.ldlt().solve(I) + information).ldlt().solve(I);
+  note(moved.tail<3>(), expected.bottomRightCorner<3, 3>(), &read_turn_s_, &turn_misfit_);
+  note(moved.head<3>(), expected.topLeftCorner<3, 3>(), &read_push_s_, &push_misfit_);
+  turn_misfit_shown_ = std::max(turn_misfit_shown_, turn_misfit_);
+  push_misfit_shown_ = std::max(push_misfit_shown_, push_misfit_);
+}
+
+double MotionFilter::gyroscope_trust() const { return 1 / std::sqrt(Widening(turn_misfit_)); }
+
+InertialFit MotionFilter::inertial_fit() const {
+  if (!reads_) return {};
+  InertialFit fit{std::sqrt(Widening(turn_misfit_shown_)), 0, force_m_s2_};
+  if (force_m_s2_ > 0) fit.accelerometer = std::sqrt(Widening(push_misfit_shown_));
+  return fit;
+}
+
+InertialMean MotionFilter::Usable(InertialMean inertial, double dt_s) {
+  reads_ = true;
+  if (!inertial.linear_acceleration) return inertial;
+  const double force = inertial.linear_acceleration->norm();
+  force_m_s2_ += (force - force_m_s2_) * (force_m_s2_ > 0 ? 1 - std::exp(-dt_s / kForceSpan_s) : 1);
+  force_m_s2_ = std::max(force_m_s2_, std::numeric_limits<double>::min());
+  const bool plausible = IsPlausibleForce(force_m_s2_);
+  if (plausible && !knows_gravity()) LearnGravity(*inertial.linear_acceleration, dt_s);
+  if (!plausible || !knows_gravity()) inertial.linear_acceleration.reset();
+  return inertial;
+}
+
 void MotionFilter::MoveDelay(double full_step_s, double full_drop_of_variance) {
   delay_s_ = std::clamp(delay_s_ + kDelayStep * full_step_s, -options_.max_delay_s, options_.max_delay_s);
   P_(kDelay, kDelay) += std::pow(1 - kDelayStep, 2) * full_drop_of_variance;
 }
 
 void MotionFilter::LearnGravity(const Eigen::Vector3d& force_event, double span_s) {
+  if (!IsPlausibleForce(force_event.norm())) return;
   gravity_world_ = -kGravity_m_s2 * (T_world_event_.rotation() * force_event.normalized());
   const double sigma = std::clamp(kGravitySpeed_m_s / span_s, kMinGravitySigma_m_s2, kMaxGravitySigma_m_s2);
   P_.diagonal().segment<3>(kGravity).setConstant(sigma * sigma);
@@ -170,6 +240,7 @@ MotionFilter::Measurement MotionFilter::Turn(const InertialMean& inertial, const
   m.H.col(kDelay) = dt_s * before.acceleration_.tail<3>();
   m.H_before.middleCols<3>(kPhi) = -ExpSO3(-turned).toRotationMatrix();
   m.sigma = dt_s * std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm());
+  m.sigma *= std::sqrt(Widening(turn_misfit_));
   return m;
 }
 
@@ -198,6 +269,7 @@ MotionFilter::Measurement MotionFilter::Push(const InertialMean& inertial, const
   m.H_before.middleCols<3>(kOmega) = R_middle_before * Hat(r);
   const double beyond_gravity = std::abs(inertial.linear_acceleration->norm() - kGravity_m_s2);
   m.sigma = dt_s * std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity);
+  m.sigma *= std::sqrt(Widening(push_misfit_));
   return m;
 }
 
@@ -244,11 +316,13 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
 void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s <= 0) return;
-  if (inertial.linear_acceleration && !knows_gravity()) LearnGravity(*inertial.linear_acceleration, dt_s);
+  const InertialMean usable = Usable(inertial, dt_s);
   const MotionFilter before = *this;
   const Matrix F = Propagate(dt_s);
   t_ns_ = t_ns;
-  Correct(inertial, before, F, dt_s);
+  Correct(usable, before, F, dt_s);
+  read_turn_s_ += dt_s;
+  if (usable.linear_acceleration) read_push_s_ += dt_s;
 }
 
 void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial) {
@@ -261,9 +335,9 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
   };
   stand();
   if (!inertial || dt_s <= 0) return;
-  if (inertial->linear_acceleration && !knows_gravity()) LearnGravity(*inertial->linear_acceleration, dt_s);
+  const InertialMean usable = Usable(*inertial, dt_s);
   const Rigid3 T_world_event = T_world_event_;
-  Correct(*inertial, *this, Matrix::Identity(), dt_s);
+  Correct(usable, *this, Matrix::Identity(), dt_s);
   T_world_event_ = T_world_event;
   stand();
 }

@@ -16,7 +16,7 @@ namespace {
 // Edge positions of neighbouring points err together; this many points count as one measurement.
 constexpr double kPointsPerMeasurement = 15;
 // An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
-// this many times less beside it.
+// this many times less beside it, the less so the worse the sensor is.
 constexpr double kInertialCaution = 4;
 constexpr double kEdgeSigma_px = 0.5;
 constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
@@ -190,6 +190,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
   pose.chapter = map_->chapter;
   pose.state = state_;
+  pose.inertial_fit = motion_.inertial_fit();
   ContinueToNow(held_, &pose);
   return pose;
 }
@@ -275,7 +276,7 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
 
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   if (suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  if (!Advance(t_ns, &motion_)) motion_.Coast(t_ns);
+  if (FitsNotAtAll(motion_.inertial_fit().gyroscope) || !Advance(t_ns, &motion_)) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
 }
@@ -288,7 +289,8 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   PosePrior prior;
   prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
   // The alignment counts in pixels per point: bring the prior to that scale.
-  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * (inertial_prior_ ? kInertialCaution : 1));
+  const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
+  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * caution);
   const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
   prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();

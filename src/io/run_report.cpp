@@ -47,6 +47,11 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   covariances_.push_back(estimate.covariance_event);
   event_delay_s_ = estimate.event_delay_s;
   depth_delay_s_ = estimate.depth_delay_s;
+  if (estimate.inertial_fit.gyroscope > 0) {
+    gyroscope_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope));
+    accelerometer_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer));
+    force_m_s2_.push_back(static_cast<float>(estimate.inertial_fit.force_m_s2));
+  }
   chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
 
@@ -54,6 +59,10 @@ double RunReport::Coverage(std::int64_t end) const {
   if (!first_reference_ns_ || end < *first_reference_ns_) return 0;
   const double ticks = std::floor(SecondsFromNs(end - *first_reference_ns_) * rate_hz_ + 1e-6) + 1;
   return std::min(1.0, static_cast<double>(trajectory_.size()) / ticks);
+}
+
+InertialFit RunReport::inertial_fit() const {
+  return {Percentile(gyroscope_, 0.5), Percentile(accelerometer_, 0.5), Percentile(force_m_s2_, 0.5)};
 }
 
 double RunReport::RealTimeFactor() const { return wall_s > 0 ? SecondsFromNs(end_ns - begin_ns) / wall_s : 0; }
@@ -67,6 +76,11 @@ std::string RunReport::ToJson() const {
   json["chapters"] = chapters_;
   json["event_delay_ms"] = 1e3 * event_delay_s_;
   json["depth_delay_ms"] = 1e3 * depth_delay_s_;
+  const InertialFit fit = inertial_fit();
+  json["inertial_fit"] = {{"gyroscope", fit.gyroscope},
+                          {"accelerometer", fit.accelerometer},
+                          {"force_m_s2", fit.force_m_s2},
+                          {"complaint", Complaint(fit)}};
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,
                            TrackingState::kLost, TrackingState::kRecovered}) {
     json["poses_by_state"][ToString(state)] = poses_by_state_[static_cast<int>(state)];

@@ -160,6 +160,9 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   WriteMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
   stream.next(estimate.depth_delay_s);
+  stream.next(estimate.inertial_fit.gyroscope);
+  stream.next(estimate.inertial_fit.accelerometer);
+  stream.next(estimate.inertial_fit.force_m_s2);
   stream.next(static_cast<std::int32_t>(estimate.chapter));
   stream.next(static_cast<std::uint8_t>(estimate.needs_map));
   stream.next(static_cast<std::uint8_t>(estimate.state));
@@ -180,6 +183,9 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   ReadMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
   stream.next(estimate.depth_delay_s);
+  stream.next(estimate.inertial_fit.gyroscope);
+  stream.next(estimate.inertial_fit.accelerometer);
+  stream.next(estimate.inertial_fit.force_m_s2);
   stream.next(estimate.chapter);
   std::uint8_t needs_map = 0;
   stream.next(needs_map);

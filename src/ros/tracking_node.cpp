@@ -228,6 +228,8 @@ void TrackingNode::Answer(const Surface& surface, const std::optional<PoseEstima
       ++untracked_;
     }
   }
+  const std::string complaint = Complaint(answer->inertial_fit);
+  if (!complaint.empty()) ROS_WARN_STREAM_THROTTLE(5, private_nh_.getNamespace() << ": " << complaint);
   publisher_->PublishStatus(surface, *answer, dropped);
   if (!pose) return;
   publisher_->Publish(*pose);
@@ -283,6 +285,8 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
     status.summary(DiagnosticStatus::WARN, "no data");
   } else {
     status.summary(static_cast<unsigned char>(LevelOf(last_.state)), ToString(last_.state));
+    const std::string complaint = Complaint(last_.inertial_fit);
+    if (!complaint.empty()) status.mergeSummary(DiagnosticStatus::WARN, complaint);
   }
   status.add("tracking state", ToString(last_.state));
   status.add("epoch", last_.epoch);
@@ -299,6 +303,8 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.addf("mean residual (px)", "%.2f", last_.mean_residual_px);
   status.addf("delay of events (ms)", "%.1f", 1e3 * last_.event_delay_s);
   status.addf("delay of depth images (ms)", "%.1f", 1e3 * last_.depth_delay_s);
+  status.addf("gyroscope's errors (times a good one's)", "%.1f", last_.inertial_fit.gyroscope);
+  status.addf("accelerometer's errors (times a good one's)", "%.1f", last_.inertial_fit.accelerometer);
   status.addf("tracking p50 (ms)", "%.2f", tracking_ms_.At(0.5));
   status.addf("tracking p99 (ms)", "%.2f", tracking_ms_.At(0.99));
   status.addf("tracking max (ms)", "%.2f", tracking_ms_.At(1));

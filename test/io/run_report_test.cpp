@@ -56,6 +56,21 @@ TEST(RunReport, HoldsWhatTheContractNames) {
   }
 }
 
+TEST(RunReport, SaysWhatIsWrongWithAnInertialSensorMostOfTheTime) {
+  RunReport report(100);
+  PoseEstimate pose;
+  pose.state = TrackingState::kTracking;
+  report.AddPose(pose);
+  EXPECT_EQ(nlohmann::json::parse(report.ToJson())["inertial_fit"]["complaint"], "");
+  for (const double gyroscope : {1.0, 300.0, 400.0}) {
+    pose.inertial_fit = {gyroscope, 1, 9.8};
+    report.AddPose(pose);
+  }
+  const auto json = nlohmann::json::parse(report.ToJson())["inertial_fit"];
+  EXPECT_EQ(json["gyroscope"], 300);
+  EXPECT_NE(json["complaint"].get<std::string>().find("rad/s"), std::string::npos);
+}
+
 TEST(Percentile, IsTheNearestRank) {
   EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 0.5), 3);
   EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 1.0), 5);

@@ -61,6 +61,7 @@ PoseEstimate SomePose() {
   estimate.mean_residual_px = 0.3;
   estimate.event_delay_s = 0.004;
   estimate.depth_delay_s = -0.007;
+  estimate.inertial_fit = {2, 3, 9.7};
   estimate.chapter = 2;
   estimate.needs_map = true;
   estimate.iterations = 8;
@@ -153,6 +154,9 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.mean_residual_px, 0.3);
   EXPECT_DOUBLE_EQ(message.event_delay_s, 0.004);
   EXPECT_DOUBLE_EQ(message.depth_delay_s, -0.007);
+  EXPECT_DOUBLE_EQ(message.gyroscope_misfit, 2);
+  EXPECT_DOUBLE_EQ(message.accelerometer_misfit, 3);
+  EXPECT_DOUBLE_EQ(message.mean_force_m_s2, 9.7);
   EXPECT_EQ(message.chapter, 2);
   EXPECT_TRUE(message.needs_map);
   EXPECT_EQ(message.iterations, 8);

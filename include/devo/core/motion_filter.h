@@ -5,7 +5,8 @@
 // performance for manned maneuvering targets", 1970). Its prediction is the prior of the alignment, so that
 // directions that one surface leaves open are held by what earlier surfaces said of them. An inertial sensor, where
 // there is one, measures how rotation and velocity change from pose to pose; its biases, the direction of gravity and
-// the delay of events against it are states too.
+// the delay of events against it are states too. Its noise is not taken for granted: the more poses contradict it, the
+// less it counts (after Sage and Husa, "Adaptive filtering with unknown prior statistics", 1969).
 #pragma once
 
 #include <cstdint>
@@ -14,6 +15,7 @@
 #include <Eigen/Core>
 
 #include "devo/core/inertial_buffer.h"
+#include "devo/core/inertial_fit.h"
 #include "devo/core/options.h"
 #include "devo/core/rigid3.h"
 
@@ -44,7 +46,8 @@ class MotionFilter {
   void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information);
 
   /// Which way is down, from the mean specific force (m/s^2, event frame) over `span_s` before: the longer, the less a
-  /// change of velocity counts in it. To be called once, before Advance, which otherwise takes its first reading.
+  /// change of velocity counts in it. To be called once, before Advance, which otherwise takes its first reading. A
+  /// force that cannot be gravity is not taken.
   void LearnGravity(const Eigen::Vector3d& force_event, double span_s);
   bool knows_gravity() const { return !gravity_world_.isZero(); }
 
@@ -67,6 +70,10 @@ class MotionFilter {
   /// to be given for [a + delay, b + delay].
   double delay_s() const { return delay_s_; }
   const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
+  /// A good gyroscope's errors over those that it is taken to have now, up to 1.
+  double gyroscope_trust() const;
+  /// Of the sensor's readings with the poses, about the worst of the last seconds.
+  InertialFit inertial_fit() const;
   void Reset();
 
  private:
@@ -86,6 +93,11 @@ class MotionFilter {
   /// Returns the derivative of the new state by the old one.
   Matrix Propagate(double dt_s);
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
+  Matrix6d PriorCovariance() const;
+  /// `moved`: from the predicted pose to the measured one.
+  void NoteFit(const Vector6d& moved, const Matrix6d& information);
+  /// Without the accelerometer where that cannot be one in m/s^2.
+  InertialMean Usable(InertialMean inertial, double dt_s);
   void MoveDelay(double full_step_s, double full_drop_of_variance);
   Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
   Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
@@ -98,6 +110,11 @@ class MotionFilter {
   Eigen::Vector3d gravity_world_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d gyroscope_bias_ = Eigen::Vector3d::Zero(), accelerometer_bias_ = Eigen::Vector3d::Zero();
   double delay_s_ = 0;
+  double turn_misfit_ = 0, push_misfit_ = 0;  // variances of gyroscope and accelerometer over those of good ones
+  double turn_misfit_shown_ = 0, push_misfit_shown_ = 0;
+  double read_turn_s_ = 0, read_push_s_ = 0;  // since the last pose
+  double force_m_s2_ = 0;                     // mean; 0: not known
+  bool reads_ = false;
   // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias;
   // delay].
   Matrix P_ = Matrix::Zero();

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "devo/core/inertial_fit.h"
 #include "devo/core/rigid3.h"
 
 namespace devo {
@@ -33,6 +34,7 @@ struct PoseEstimate {
   /// time.
   double event_delay_s = 0;
   double depth_delay_s = 0;  ///< by how much depth images are later than their stamps say
+  InertialFit inertial_fit;
   int chapter = 0;         ///< of the map that it is registered to; between chapters, poses are related by a guess only
   bool needs_map = false;  ///< lost for so long that a new chapter is to begin here
   TrackingState state = TrackingState::kInitialising;

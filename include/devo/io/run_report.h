@@ -33,6 +33,9 @@ class RunReport {
   /// Share of the ticks from the first reference to `end_ns` that have a pose in the trajectory, 0..1.
   double Coverage(std::int64_t end_ns) const;
 
+  /// Medians over the poses; all zero without an inertial sensor.
+  InertialFit inertial_fit() const;
+
   /// Filled by the caller at the end.
   std::int64_t begin_ns = 0, end_ns = 0;  ///< first and last event
   double wall_s = 0, cpu_s = 0;
@@ -58,6 +61,7 @@ class RunReport {
   std::vector<Matrix6d> covariances_;
   int chapters_ = 0;
   double event_delay_s_ = 0, depth_delay_s_ = 0;  // of the last pose
+  std::vector<float> gyroscope_, accelerometer_, force_m_s2_;  // InertialFit of each pose with readings
   std::vector<Interval> lost_;
   bool lost_now_ = false;
   std::optional<std::int64_t> first_reference_ns_;

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+namespace devo {
+
+/// How what an inertial sensor reads fits the motion that the poses show.
+struct InertialFit {
+  double gyroscope = 0;      ///< how many times larger than a good one's its errors are, at least 1; 0: not in use
+  double accelerometer = 0;  ///< the same
+  double force_m_s2 = 0;     ///< mean magnitude of the specific force over about half a second; 0: no accelerometer
+};
+
+/// A specific force that a sensor at rest or on a moderate motion can have in m/s^2; in g, or where the sensor reads
+/// zeros, it is far from it.
+bool IsPlausibleForce(double force_m_s2);
+
+/// Errors of a mounting or a scale of a few hundredths, or stamps some hundredths of a second off, stay below it.
+bool FitsNotAtAll(double times_its_errors);
+
+/// What is likely wrong, in one sentence that names what to check; empty where the sensor fits, or there is none.
+std::string Complaint(const InertialFit& fit);
+
+}  // namespace devo

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/inertial_fit.h"
+
+#include <cstdio>
+
+namespace devo {
+namespace {
+
+constexpr double kMinForce_m_s2 = 5, kMaxForce_m_s2 = 20;
+// A sensor that fits, in the dark and at low resolution, is at times taken for one three times as bad.
+constexpr double kFitsBadly = 4, kFitsNotAtAll = 15;
+
+}  // namespace
+
+bool IsPlausibleForce(double force_m_s2) { return force_m_s2 > kMinForce_m_s2 && force_m_s2 < kMaxForce_m_s2; }
+
+bool FitsNotAtAll(double times_its_errors) { return times_its_errors > kFitsNotAtAll; }
+
+std::string Complaint(const InertialFit& fit) {
+  char text[256] = "";
+  if (FitsNotAtAll(fit.gyroscope)) {
+    std::snprintf(text, sizeof(text),
+                  "the gyroscope does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
+                  "frame and /tf_static, its axes and signs, and that it is in rad/s",
+                  fit.gyroscope);
+  } else if (fit.force_m_s2 > 0 && !IsPlausibleForce(fit.force_m_s2)) {
+    std::snprintf(text, sizeof(text),
+                  "the accelerometer reads %.2g in place of about 9.8 m/s^2 and is left out: check its unit",
+                  fit.force_m_s2);
+  } else if (FitsNotAtAll(fit.accelerometer)) {
+    std::snprintf(text, sizeof(text),
+                  "the accelerometer does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
+                  "frame and /tf_static, its axes and signs",
+                  fit.accelerometer);
+  } else if (fit.gyroscope > kFitsBadly || fit.accelerometer > kFitsBadly) {
+    std::snprintf(text, sizeof(text),
+                  "the IMU fits the motion badly (gyroscope %.0f, accelerometer %.0f times its errors) and counts for "
+                  "less: check its mounting in /tf_static, its stamps, scale and range",
+                  fit.gyroscope, fit.accelerometer);
+  }
+  return text;
+}
+
+}  // namespace devo

@@ -43,7 +43,7 @@ constexpr double kTolerated = 2;
 // slower than motions turn round, where nothing is seen of it.
 constexpr double kMisfitGrows_s = 0.15, kMisfitFades_s = 0.3, kMaxMisfit = 1e6;
 // One pose may be false, several in a row are not.
-constexpr double kMaxTimes = 10;
+constexpr double kMaxTimes = 40;
 constexpr double kForceSpan_s = 0.5, kShowsMisfit_s = 2;
 
 // Clocks of one host, a sensor's own filter and the latency of dark pixels. Edges err alike for tenths of a second,

@@ -127,9 +127,12 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
     P_(a, v) += q[i] * d2 / 2;
     P_(a, a) += q[i] * d;
   }
+  // What a sensor that does not fit has said of gravity and biases is as wrong as it is.
+  const double turn = Widening(turn_misfit_), push = Widening(push_misfit_);
   for (int i = 0; i < 3; ++i) {
-    P_(kGyroBias + i, kGyroBias + i) += std::pow(kGyroscopeWalk_rad_s, 2) * dt_s;
-    P_(kAccBias + i, kAccBias + i) += std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
+    P_(kGyroBias + i, kGyroBias + i) += turn * std::pow(kGyroscopeWalk_rad_s, 2) * dt_s;
+    P_(kAccBias + i, kAccBias + i) += push * std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
+    P_(kGravity + i, kGravity + i) += (std::max(turn, push) - 1) * std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
   }
   if (options_.max_delay_s > 0) P_(kDelay, kDelay) += std::pow(kDelayWalk_s, 2) * dt_s;
   T_world_event_ = T_world_event_ * Exp(step);

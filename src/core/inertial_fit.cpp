@@ -7,7 +7,7 @@ namespace devo {
 namespace {
 
 constexpr double kMinForce_m_s2 = 5, kMaxForce_m_s2 = 20;
-// A sensor that fits, in the dark and at low resolution, is at times taken for one three times as bad.
+// A sensor that fits passes the first one only for moments in which the poses err.
 constexpr double kFitsBadly = 4, kFitsNotAtAll = 15;
 
 }  // namespace
@@ -21,7 +21,7 @@ std::string Complaint(const InertialFit& fit) {
   if (FitsNotAtAll(fit.gyroscope)) {
     std::snprintf(text, sizeof(text),
                   "the gyroscope does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
-                  "frame and /tf_static, its axes and signs, and that it is in rad/s",
+                  "frame and /tf_static, its axes, signs and stamps, and that it is in rad/s",
                   fit.gyroscope);
   } else if (fit.force_m_s2 > 0 && !IsPlausibleForce(fit.force_m_s2)) {
     std::snprintf(text, sizeof(text),
@@ -30,7 +30,7 @@ std::string Complaint(const InertialFit& fit) {
   } else if (FitsNotAtAll(fit.accelerometer)) {
     std::snprintf(text, sizeof(text),
                   "the accelerometer does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
-                  "frame and /tf_static, its axes and signs",
+                  "frame and /tf_static, its axes, signs and stamps",
                   fit.accelerometer);
   } else if (fit.gyroscope > kFitsBadly || fit.accelerometer > kFitsBadly) {
     std::snprintf(text, sizeof(text),

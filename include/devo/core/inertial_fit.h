@@ -16,7 +16,7 @@ struct InertialFit {
 /// zeros, it is far from it.
 bool IsPlausibleForce(double force_m_s2);
 
-/// Errors of a mounting or a scale of a few hundredths, or stamps some hundredths of a second off, stay below it.
+/// So large that nothing of its readings is of use: axes, signs or units, or stamps many hundredths of a second off.
 bool FitsNotAtAll(double times_its_errors);
 
 /// What is likely wrong, in one sentence that names what to check; empty where the sensor fits, or there is none.

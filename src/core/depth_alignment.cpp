@@ -23,6 +23,7 @@ constexpr double kTukey = 4;       // standard deviations beyond which a match i
 constexpr double kStill_m = 3e-5;  // a step smaller than this, or this in radians, ends the iterations
 // The normals' noise makes any direction look a little constrained: below so many times of what it makes, it is open.
 constexpr double kOpenNoise = 2;
+constexpr double kOpenShare = 5e-4;  // and at any rate below this share of the best: a wall is never quite flat
 constexpr double kDamping_m = 0.01;  // of a step, also in radians, where the surfaces say nothing
 constexpr int kMinMatches = 100;
 constexpr double kMinOverlap = 0.2;
@@ -166,7 +167,8 @@ Matrix6d DepthAligner::LeaveOpen(const Matrix6d& H, double depth_m, double sigma
   scale << 1, 1, 1, Eigen::Vector3d::Constant(1 / depth_m);
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(scale.asDiagonal() * H * scale.asDiagonal());
   const Vector6d& values = eigen.eigenvalues();
-  const Vector6d known = (values.array() > kOpenNoise * normal_sigma * normal_sigma * values(5)).cast<double>();
+  const Vector6d known =
+      (values.array() > std::max(kOpenShare, kOpenNoise * normal_sigma * normal_sigma) * values(5)).cast<double>();
   const Matrix6d to_units = scale.asDiagonal() * eigen.eigenvectors();
   const Matrix6d from_units = scale.cwiseInverse().asDiagonal() * eigen.eigenvectors();  // of information
   result->information =

@@ -86,9 +86,8 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   const double since_s = SecondsFromNs(motion_.time_ns() - depth.t_ns);
   Matrix6d covariance = motion_.pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
-  const auto correction =
-      depth_fusion_.Correct(depth, {*T_world_then, T_world_now, covariance,
-                                    since_s * since_s * motion_.Predict(motion_.time_ns()).velocity_covariance});
+  const auto correction = depth_fusion_.Correct(
+      depth, {*T_world_then, T_world_now, covariance, since_s * since_s * motion_.velocity_covariance()});
   if (correction && !held_) {
     const Rigid3 T_world_moved = T_world_now * Exp(correction->moved);
     motion_.Update(motion_.time_ns(), T_world_moved, correction->information);

@@ -63,6 +63,7 @@ class MotionFilter {
   std::int64_t time_ns() const { return t_ns_; }
   const Rigid3& pose() const { return T_world_event_; }
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
+  Matrix6d velocity_covariance() const { return P_.block<6, 6>(6, 6); }  ///< of [v; omega], m/s and rad/s
   bool started() const { return started_; }
   const Eigen::Vector3d& gravity_world() const { return gravity_world_; }    ///< m/s^2; zero: not known
   const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }  ///< rad/s, event frame

@@ -10,9 +10,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "depth_scene.h"
 #include "devo/core/crests.h"
 #include "devo/core/time.h"
-#include "depth_scene.h"
 
 namespace devo {
 namespace {

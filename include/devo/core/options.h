@@ -165,9 +165,10 @@ void VisitOptions(Options& o, Visitor&& visit) {
         "points of all references; beyond it the one that was out of view for longest is forgotten");
   visit("mapping.lidar_window_s", o.mapping.lidar_window_s, 0.01, 10.0,
         "LiDAR: sweeps of this time are accumulated; longer is denser, shorter forgets drift and moving things sooner");
-  visit("mapping.align_depth", o.mapping.align_depth,
-        "depth images are aligned to earlier ones, which holds the pose where events are few; false: they serve the map "
-        "alone");
+  visit(
+      "mapping.align_depth", o.mapping.align_depth,
+      "depth images are aligned to earlier ones, which holds the pose where events are few; false: they serve the map "
+      "alone");
   visit("tracking.max_iterations", o.tracking.max_iterations, 1, 200, "of the minimisation, per pose");
   visit("tracking.huber_share", o.tracking.huber_share, 0.001, 10.0,
         "where the robust loss turns linear, as a share of the truncation");

@@ -108,7 +108,8 @@ class MappingNode {
   image_transport::ImageTransport image_transport_;
   image_transport::Publisher overlay_publisher_;
   image_transport::Subscriber depth_subscriber_;
-  ros::Publisher map_publisher_, depth_pose_publisher_, scene_depth_publisher_, local_cloud_publisher_, global_cloud_publisher_;
+  ros::Publisher map_publisher_, depth_pose_publisher_, scene_depth_publisher_, local_cloud_publisher_,
+      global_cloud_publisher_;
   ros::Subscriber surface_subscriber_, pose_subscriber_, points_subscriber_;
   std::unique_ptr<Tunables> tunables_;
   ros::ServiceServer save_service_;

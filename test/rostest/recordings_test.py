@@ -18,6 +18,8 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from devo_testing import evaluate, program  # noqa: E402
 
 PACKAGE = rospkg.RosPack().get_path("devo")
+# Of a LiDAR at 10 Hz. Which sweep begins the map depends on how messages arrive.
+SWEEP_POSES = 10
 SHARED = os.path.join(PACKAGE, "..", "shared", "data")
 
 
@@ -47,7 +49,7 @@ class RecordingsTest(unittest.TestCase):
         self.assertTrue(os.path.exists(trajectory), result.stdout)
         return trajectory, [line for line in result.stdout.splitlines() if "poses written" in line]
 
-    def check(self, name, config, bags, launch, arguments, overrides=(), floor_m=0.001):
+    def check(self, name, config, bags, launch, arguments, overrides=(), floor_m=0.001, late_poses=0):
         offline, report = self.offline(name, config, bags, overrides)
         nodelets, said = self.launched(name, launch, arguments)
         with open(report) as text:
@@ -61,7 +63,7 @@ class RecordingsTest(unittest.TestCase):
         self.assertLess(ate_m, max(1.5 * evaluation["ate_rmse_m"], floor_m))
         with open(offline) as lines:
             expected = sum(1 for _ in lines)
-        self.assertGreater(error["pairs"], 0.9 * expected)
+        self.assertGreater(error["pairs"], 0.9 * expected - late_poses)
 
     def recording(self, *parts):
         path = os.path.join(SHARED, *parts)
@@ -96,7 +98,8 @@ class RecordingsTest(unittest.TestCase):
         calibration = os.path.join(folder, "indoor_flying_calib", "camchain-imucam-indoor_flying.yaml")
         self.check("mvsec_lidar", PACKAGE + "/config/mvsec.yaml", bags, "mvsec.launch",
                    ["sequence:=indoor_flying1", "dir:=" + folder, "depth_source:=lidar"],
-                   ["calibration.path=" + calibration, "topics.points=/velodyne_point_cloud"], floor_m=0.01)
+                   ["calibration.path=" + calibration, "topics.points=/velodyne_point_cloud"], floor_m=0.01,
+                   late_poses=SWEEP_POSES)
 
     # Which sweep begins the map, and with it the error, depends on how messages arrive: 5 to 6 mm on an idle machine.
     def test_vector_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
@@ -105,7 +108,8 @@ class RecordingsTest(unittest.TestCase):
         calibration = os.path.join(folder, "desk-normal1_calib")
         self.check("vector_lidar", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
                    ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration, "depth_source:=lidar"],
-                   ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.01)
+                   ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.01,
+                   late_poses=SWEEP_POSES)
 
     def test_the_sample_in_the_repository_is_replayed_as_well_as_offline(self):
         self.replay("sample", "../test/data/sample_davis240.yaml", os.path.join(PACKAGE, "test/data/sample_davis240.bag"),

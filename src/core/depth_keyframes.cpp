@@ -2,9 +2,9 @@
 #include "devo/core/depth_keyframes.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 namespace devo {
@@ -19,6 +19,13 @@ constexpr std::size_t kMaxKeyframes = 60;  // of about 150 kB
 constexpr double kCellsPerMeasurement = 10;
 // What a depth camera gets wrong alike everywhere (multipath, calibration), per metre of depth, and as a rotation.
 constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
+constexpr double kKnown_m = 0.05;  // also in radians
+
+/// To a few centimetres and hundredths of a radian, in all directions.
+bool KnowsAll(const DepthPose& pose) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(pose.information, Eigen::EigenvaluesOnly);
+  return eigen.eigenvalues()(0) > 1 / (kKnown_m * kKnown_m);
+}
 
 }  // namespace
 
@@ -107,6 +114,8 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   if (view.trusted && (best.keyframe < 0 || best.result.overlap < kKeepOverlap) && now.median_m > 0) {
     Keep(std::move(now), view);
   }
+  // In a direction that is left open, the events' errors would pass for what depth knows.
+  if (pose && !KnowsAll(*pose)) pose.reset();
   return pose;
 }
 

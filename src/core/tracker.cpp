@@ -6,7 +6,6 @@
 #include <utility>
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 #include "devo/core/alignment.h"
 #include "devo/core/time.h"
@@ -35,8 +34,7 @@ constexpr double kSearchEvery_s = 0.04;
 constexpr double kGiveUp_s = 1;
 // So many depth images in a row that contradict a pose without events are right.
 constexpr int kContradictions = 2;
-constexpr double kKnown_m = 0.05;  // also in radians
-constexpr double kHeld_m = 5e-3;   // a pose is held as if it were known so well: farther off, the camera has moved
+constexpr double kHeld_m = 5e-3;  // a pose is held as if it were known so well: farther off, the camera has moved
 constexpr double kStartsTogether_s = 0.1;  // two poses found within this time tell the velocity
 constexpr double kMaxWait_s = 0.15;        // a map is made in less, depth's way through a driver included
 // A camera slows down over several surfaces; where this many times the events of a standstill end within
@@ -48,12 +46,6 @@ constexpr double kMaxCoast_s = 1;
 // trusted that may be an error of a camera at rest.
 constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1, kSlow_rad_s = 0.1;
 constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
-
-/// To a few centimetres and hundredths of a radian, in all directions.
-bool KnowsAll(const DepthPose& depth) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(depth.information, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()(0) > 1 / (kKnown_m * kKnown_m);
-}
 
 }  // namespace
 
@@ -78,8 +70,6 @@ void Tracker::SetMap(LocalMapPtr map) {
 
 void Tracker::AddDepthPose(const DepthPose& depth) {
   if (!map_ || depth.epoch != epoch_ || depth.chapter != map_->chapter || !motion_.started()) return;
-  // Where depth leaves a direction open, the events' errors in it would pass for what depth knows.
-  if (!KnowsAll(depth)) return;
   const auto T_world_then = history_.At(depth.t_ns);
   if (!T_world_then) return;
   const Rigid3 T_world_now = motion_.pose();

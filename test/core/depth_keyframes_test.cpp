@@ -15,9 +15,9 @@ Rig DepthRig() {
   return rig;
 }
 
-DepthImage ImageAt(const Rigid3& T_world_event, double sigma_m = 0.003) {
+DepthImage ImageAt(const Rigid3& T_world_event, double sigma_m = 0.003, DepthScene scene = DepthScene::kRoom) {
   static unsigned seed = 0;
-  return {0, DepthSeen(T_world_event * DepthRig().T_event_depth, sigma_m, DepthScene::kRoom, ++seed)};
+  return {0, DepthSeen(T_world_event * DepthRig().T_event_depth, sigma_m, scene, ++seed)};
 }
 
 DepthKeyframes::View ViewAt(const Rigid3& T_world_event) {
@@ -54,6 +54,15 @@ TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   ASSERT_TRUE(pose);
   EXPECT_LT(Log(pose->T_world_event).norm(), 3e-3);
   EXPECT_EQ(keyframes.size(), before);
+}
+
+TEST(DepthKeyframes, AWallAlongWhichTheCameraMayHaveSlidGivesNoPose) {
+  for (const DepthScene scene : {DepthScene::kWall, DepthScene::kRoom}) {
+    DepthKeyframes keyframes(DepthRig());
+    keyframes.Align(ImageAt(Rigid3(), 0.002, scene), ViewAt(Rigid3()));
+    const auto pose = keyframes.Align(ImageAt(Rigid3::Translation({0.01, 0, 0}), 0.002, scene), ViewAt(Rigid3()));
+    EXPECT_EQ(pose.has_value(), scene == DepthScene::kRoom);
+  }
 }
 
 TEST(DepthKeyframes, AnImageOfAnUncertainPoseIsNotKept) {

@@ -382,16 +382,6 @@ TEST(Tracker, IsMovedByDepthAsFarAsThatIsBetterKnown) {
   EXPECT_LT((tracker->MeanVelocity() - alone->MeanVelocity()).norm(), 0.02) << "a correction is no velocity";
 }
 
-TEST(Tracker, IsNotMovedByDepthThatLeavesADirectionOpen) {
-  const auto tracker = Moving(), alone = Moving();
-  DepthPose wall = ByDepth(kNow_ns - kPeriod_ns, TrueAt(kNow_ns - kPeriod_ns) * Rigid3::Translation({0.002, 0, 0}));
-  wall.information(1, 1) = 0;
-  tracker->AddDepthPose(wall);
-  const Surface next = Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns));
-  const auto pose = tracker->Track(next), same = alone->Track(next);
-  EXPECT_EQ(Log(same->T_world_event.inverse() * pose->T_world_event).norm(), 0);
-}
-
 TEST(Tracker, GoesOnByDepthWhereEventsAreMissing) {
   const auto tracker = Moving();
   Vector6d back = -2 * Twist();  // no prediction knows that

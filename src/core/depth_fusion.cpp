@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "devo/core/delay.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -16,9 +17,7 @@ namespace {
 constexpr double kAlike_s = 0.1;
 constexpr double kOpen_m = 1;  // in directions that depth leaves open, also in radians
 constexpr double kMaxNormalisedSquare = 16;
-constexpr double kDelayWalk_s = 2e-4, kMaxDelay_s = 0.05;  // in one second; at all
-// Errors of both that last look like evidence of a delay: only a part of each step is taken, as in MotionFilter.
-constexpr double kDelayStep = 0.3;
+constexpr double kMaxDelay_s = 0.05;
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
 
 }  // namespace
@@ -53,8 +52,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
   const Matrix6d S_inverse = (estimate.covariance + R).ldlt().solve(I);
   const Vector6d gain = delay_variance_ * (S_inverse * per_delay);
-  delay_s_ = std::clamp(delay_s_ + kDelayStep * gain.dot(residual), -kMaxDelay_s, kMaxDelay_s);
-  delay_variance_ -= (1 - std::pow(1 - kDelayStep, 2)) * delay_variance_ * gain.dot(per_delay);
+  delay_s_ = StepDelay(delay_s_, gain.dot(residual), kMaxDelay_s);
+  delay_variance_ -= kDelayDrop * delay_variance_ * gain.dot(per_delay);
   return Correction{estimate.covariance * (S_inverse * residual), R.ldlt().solve(I)};
 }
 

@@ -9,6 +9,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "devo/core/delay.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -46,9 +47,8 @@ constexpr double kMisfitGrows_s = 0.15, kMisfitFades_s = 0.3, kMaxMisfit = 1e6;
 constexpr double kMaxTimes = 40;
 constexpr double kForceSpan_s = 0.5, kShowsMisfit_s = 2;
 
-// Clocks of one host, a sensor's own filter and the latency of dark pixels. Edges err alike for tenths of a second,
-// which looks like evidence: only a part of each step is taken (Brink, "Partial-Update Schmidt-Kalman Filter", 2017).
-constexpr double kDelaySigma_s = 5e-3, kDelayWalk_s = 2e-4, kDelayStep = 0.3;
+// Clocks of one host, a sensor's own filter and the latency of dark pixels.
+constexpr double kDelaySigma_s = 5e-3;
 
 // Where things are in the state.
 constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24,
@@ -174,7 +174,8 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   const Matrix6d P_pose_after = (P_pose_inverse + information).ldlt().solve(I);
   const Matrix drop = gain * (P_pose - P_pose_after) * gain.transpose();
   P_ -= drop;
-  MoveDelay(gain.row(kDelay) * moved, drop(kDelay, kDelay));
+  delay_s_ = StepDelay(delay_s_, gain.row(kDelay) * moved, options_.max_delay_s);
+  P_(kDelay, kDelay) += (1 - kDelayDrop) * drop(kDelay, kDelay);
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
@@ -218,11 +219,6 @@ InertialMean MotionFilter::Usable(InertialMean inertial, double dt_s) {
   if (plausible && !knows_gravity()) LearnGravity(*inertial.linear_acceleration, dt_s);
   if (!plausible || !knows_gravity()) inertial.linear_acceleration.reset();
   return inertial;
-}
-
-void MotionFilter::MoveDelay(double full_step_s, double full_drop_of_variance) {
-  delay_s_ = std::clamp(delay_s_ + kDelayStep * full_step_s, -options_.max_delay_s, options_.max_delay_s);
-  P_(kDelay, kDelay) += std::pow(1 - kDelayStep, 2) * full_drop_of_variance;
 }
 
 void MotionFilter::LearnGravity(const Eigen::Vector3d& force_event, double span_s) {

@@ -70,6 +70,7 @@ class MotionFilter {
   /// By how much later than the inertial sensor's stamps events show the same motion, s: what they read over [a, b] is
   /// to be given for [a + delay, b + delay].
   double delay_s() const { return delay_s_; }
+  double delay_variance_s2() const { return P_(kStates - 1, kStates - 1); }
   const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
   /// A good gyroscope's errors over those that it is taken to have now, up to 1.
   double gyroscope_trust() const;
@@ -99,7 +100,6 @@ class MotionFilter {
   void NoteFit(const Vector6d& moved, const Matrix6d& information);
   /// Without the accelerometer where that cannot be one in m/s^2.
   InertialMean Usable(InertialMean inertial, double dt_s);
-  void MoveDelay(double full_step_s, double full_drop_of_variance);
   Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
   Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
 

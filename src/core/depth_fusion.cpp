@@ -42,7 +42,9 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d alone = A * (depth.information + I / (kOpen_m * kOpen_m)).ldlt().solve(I) * A.transpose();
   delay_variance_ += kDelayWalk_s * kDelayWalk_s * since_s;
   const Matrix6d rest = estimate.covariance_since + delay_variance_ * per_delay * per_delay.transpose();
-  if (residual.dot((estimate.covariance + alone + rest).ldlt().solve(residual)) > kMaxNormalisedSquare) {
+  const Matrix6d stated = estimate.covariance + alone + rest;
+  error_scale_.Note(depth.t_ns, residual, stated);
+  if (residual.dot(stated.ldlt().solve(residual)) > kMaxNormalisedSquare) {
     ++contradictions_;
     return std::nullopt;
   }

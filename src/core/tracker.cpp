@@ -216,9 +216,17 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->T_world_event = held ? motion_.pose() : now.T_world_event;
   pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = MeanVelocity();
-  pose->covariance_event = now.covariance;
-  const auto chapter = static_cast<std::size_t>(pose->chapter);
-  if (chapter < chapter_covariance_.size()) pose->covariance_event += chapter_covariance_[chapter];
+  pose->covariance_event = StatedCovariance(now);
+}
+
+Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
+  Matrix6d covariance = depth_fusion_.variance_scale() * now.covariance;
+  // Without an inertial sensor nothing says which of events and depth is late against the other.
+  const double clock_variance_s2 = inertial_prior_ ? motion_.delay_variance_s2() : std::pow(depth_fusion_.delay_s(), 2);
+  covariance += clock_variance_s2 * now.velocity_event * now.velocity_event.transpose();
+  const auto chapter = static_cast<std::size_t>(map_->chapter);
+  if (chapter < chapter_covariance_.size()) covariance += chapter_covariance_[chapter];
+  return covariance;
 }
 
 std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "devo/core/depth_pose.h"
+#include "devo/core/error_scale.h"
 #include "devo/core/rigid3.h"
 
 namespace devo {
@@ -33,6 +34,8 @@ class DepthFusion {
   const Vector6d& velocity_event() const { return velocity_; }  ///< from the last two; 0: they are far apart
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }
+  /// By how events and depth come apart: squared errors of poses over what is stated of them.
+  double variance_scale() const { return error_scale_.variance_scale(); }
 
   void Reset() { *this = DepthFusion(); }
 
@@ -46,6 +49,7 @@ class DepthFusion {
   std::int64_t agreed_ns_ = 0;
   std::optional<DepthPose> last_;
   Vector6d velocity_ = Vector6d::Zero();
+  ErrorScale error_scale_;
 };
 
 }  // namespace devo

@@ -68,6 +68,8 @@ class Tracker {
   void NoteActivity(const Surface& surface);
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
+  /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
+  Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
   void Register(const Surface& surface, PoseEstimate* pose);
   /// The inertial sensor's readings from the filter's time to this.
   std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;

@@ -2,7 +2,10 @@
 #include "devo/ros/scheduling.h"
 
 #ifdef __linux__
+#include <cerrno>
+
 #include <linux/sched/types.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 #endif
@@ -12,6 +15,7 @@ namespace devo {
 #ifdef __linux__
 namespace {
 constexpr unsigned kTurn_ns = 200'000;
+constexpr int kNicer = 5;
 }  // namespace
 
 void PreferShortWaits() {
@@ -22,8 +26,17 @@ void PreferShortWaits() {
   attributes.sched_runtime = kTurn_ns;
   syscall(SYS_sched_setattr, 0, &attributes, 0);
 }
+
+void LetOthersFirst() {
+  // In Linux nice values are each thread's own.
+  const auto thread = static_cast<id_t>(syscall(SYS_gettid));
+  errno = 0;
+  const int nice = getpriority(PRIO_PROCESS, thread);
+  if (errno == 0) setpriority(PRIO_PROCESS, thread, nice + kNicer);
+}
 #else
 void PreferShortWaits() {}
+void LetOthersFirst() {}
 #endif
 
 }  // namespace devo

@@ -49,7 +49,7 @@ void Worker::Queue::addCallback(const ros::CallbackInterfacePtr& callback, std::
 }
 
 void Worker::Run() {
-  if (urgency_ == Urgency::kUrgent) PreferShortWaits();
+  urgency_ == Urgency::kUrgent ? PreferShortWaits() : LetOthersFirst();
   while (true) {
     {
       std::unique_lock<std::mutex> lock(mutex_);

@@ -9,4 +9,7 @@ namespace devo {
 /// 6.12 and later take a thread of long turns off the processor for it; earlier ones ignore this.
 void PreferShortWaits();
 
+/// To be served after others where not all can be served at once: with a third of their share of a processor.
+void LetOthersFirst();
+
 }  // namespace devo

@@ -44,6 +44,21 @@ inline void PrefetchToRead(const void* address) {
 #endif
 }
 
+/// The places of the bits that are set in each byte, and how many they are.
+struct PlacesOfBits {
+  std::array<std::array<std::uint8_t, 8>, 256> place{};
+  std::array<std::uint8_t, 256> count{};
+
+  constexpr PlacesOfBits() {
+    for (unsigned bits = 0; bits < 256; ++bits) {
+      for (unsigned i = 0; i < 8; ++i) {
+        if (bits >> i & 1U) place[bits][count[bits]++] = static_cast<std::uint8_t>(i);
+      }
+    }
+  }
+};
+inline constexpr PlacesOfBits kPlacesOfBits;
+
 /// Columns of chosen pixels of one row.
 class PixelList {
  public:
@@ -52,33 +67,15 @@ class PixelList {
 
   /// Those of the eight pixels from x on whose bit is set. Always writes eight: cheaper than a branch for each.
   void Append(int x, int bits) {
-    const cv::v_uint16x8 offsets = cv::v_load_expand(Places::Of().place[bits].data());
+    const cv::v_uint16x8 offsets = cv::v_load_expand(kPlacesOfBits.place[bits].data());
     cv::v_store(x_.data() + size_, offsets + cv::v_setall_u16(static_cast<std::uint16_t>(x)));
-    size_ += Places::Of().count[bits];
+    size_ += kPlacesOfBits.count[bits];
   }
   void Clear() { size_ = 0; }
   int size() const { return size_; }
   int operator[](int k) const { return x_[k]; }
 
  private:
-  /// The places of the bits that are set in each byte.
-  struct Places {
-    std::array<std::array<std::uint8_t, 8>, 256> place{};
-    std::array<std::uint8_t, 256> count{};
-
-    Places() {
-      for (int bits = 0; bits < 256; ++bits) {
-        for (int i = 0; i < 8; ++i) {
-          if (bits >> i & 1) place[bits][count[bits]++] = static_cast<std::uint8_t>(i);
-        }
-      }
-    }
-    static const Places& Of() {
-      static const Places places;
-      return places;
-    }
-  };
-
   std::array<std::uint16_t, kFull + 16> x_;
   int size_ = 0;
 };

@@ -43,17 +43,20 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   delay_variance_ += kDelayWalk_s * kDelayWalk_s * since_s;
   const Matrix6d rest = estimate.covariance_since + delay_variance_ * per_delay * per_delay.transpose();
   const Matrix6d stated = estimate.covariance + alone + rest;
-  error_scale_.Note(depth.t_ns, residual, stated);
+  const bool knows_all = depth.KnowsAllDirections();
+  if (knows_all) error_scale_.Note(depth.t_ns, residual, stated);
   if (residual.dot(stated.ldlt().solve(residual)) > kMaxNormalisedSquare) {
-    ++contradictions_;
+    contradictions_ += knows_all ? 1 : 0;
     return std::nullopt;
   }
   contradictions_ = 0;
   agreed_ns_ = depth.t_ns;
+  if (knows_all) found_ns_ = depth.t_ns;
 
   const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
   const Matrix6d S_inverse = (estimate.covariance + R).ldlt().solve(I);
-  const Vector6d gain = delay_variance_ * (S_inverse * per_delay);
+  // Where directions are open, too little is left to tell a delay from an error of the velocity.
+  const Vector6d gain = (knows_all ? delay_variance_ : 0) * (S_inverse * per_delay);
   delay_s_ = StepDelay(delay_s_, gain.dot(residual), kMaxDelay_s);
   delay_variance_ -= kDelayDrop * delay_variance_ * gain.dot(per_delay);
   return Correction{estimate.covariance * (S_inverse * residual), R.ldlt().solve(I)};

@@ -21,10 +21,12 @@ constexpr double kCellsPerMeasurement = 10;
 constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
 constexpr double kKnown_m = 0.05;  // also in radians
 
-/// To a few centimetres and hundredths of a radian, in all directions.
-bool KnowsAll(const DepthPose& pose) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(pose.information, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()(0) > 1 / (kKnown_m * kKnown_m);
+/// Of directions that are known to a few centimetres and hundredths of a radian; of others nothing.
+Matrix6d OfKnownDirections(const Matrix6d& information) {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
+  Vector6d values = eigen.eigenvalues();
+  for (double& value : values) value = value > 1 / (kKnown_m * kKnown_m) ? value : 0;
+  return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
 }  // namespace
@@ -80,7 +82,8 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   Vector6d bias;
   bias << Eigen::Vector3d::Constant(kBiasShare * keyframe.cells.median_m), Eigen::Vector3d::Constant(kBias_rad);
   const Matrix6d B = bias.cwiseAbs2().cwiseInverse().asDiagonal();
-  pose.information = H - H * (B + H).inverse() * H;
+  // Little by little, the events' errors would pass for knowledge in a direction that is left open.
+  pose.information = OfKnownDirections(H - H * (B + H).inverse() * H);
   // Of the keyframe's event camera to that of now, both of which were where they were this much later.
   const Rigid3 T_event_keyevent = (T_event_depth_ * T_key_event).inverse();
   pose.per_delay = view.velocity_event - Adjoint(T_event_keyevent) * keyframe.view.velocity_event;
@@ -114,8 +117,6 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   if (view.trusted && (best.keyframe < 0 || best.result.overlap < kKeepOverlap) && now.median_m > 0) {
     Keep(std::move(now), view);
   }
-  // In a direction that is left open, the events' errors would pass for what depth knows.
-  if (pose && !KnowsAll(*pose)) pose.reset();
   return pose;
 }
 

@@ -82,7 +82,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
     const Rigid3 T_world_moved = T_world_now * Exp(correction->moved);
     motion_.Update(motion_.time_ns(), T_world_moved, correction->information);
     history_.Move(T_world_moved * T_world_now.inverse());
-  } else if (!correction) {
+  } else if (!correction && depth.KnowsAllDirections()) {
     Contradict(depth, depth.T_world_event * (T_world_then->inverse() * T_world_now));
   }
 }
@@ -360,7 +360,7 @@ void Tracker::UpdateState(PoseEstimate* pose) {
   suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
   const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
   usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
-  const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.agreed_ns()) < kLostAfter_s;
+  const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kLostAfter_s;
   if (bad_in_a_row_ >= Surfaces(kLostAfter_s) && !by_depth) {
     state_ = TrackingState::kLost;
   } else if (pose->inlier_share < kDegradedShare || (state_ == TrackingState::kLost && suspicious_in_a_row_ > 0)) {

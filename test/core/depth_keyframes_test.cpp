@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/depth_keyframes.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 #include "depth_scene.h"
 
@@ -56,12 +59,18 @@ TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   EXPECT_EQ(keyframes.size(), before);
 }
 
-TEST(DepthKeyframes, AWallAlongWhichTheCameraMayHaveSlidGivesNoPose) {
+TEST(DepthKeyframes, AWallTellsNothingOfTheDirectionsAlongIt) {
   for (const DepthScene scene : {DepthScene::kWall, DepthScene::kRoom}) {
     DepthKeyframes keyframes(DepthRig());
     keyframes.Align(ImageAt(Rigid3(), 0.002, scene), ViewAt(Rigid3()));
-    const auto pose = keyframes.Align(ImageAt(Rigid3::Translation({0.01, 0, 0}), 0.002, scene), ViewAt(Rigid3()));
-    EXPECT_EQ(pose.has_value(), scene == DepthScene::kRoom);
+    const auto pose = keyframes.Align(ImageAt(Rigid3::Translation({0.01, 0, 0.01}), 0.002, scene), ViewAt(Rigid3()));
+    ASSERT_TRUE(pose);
+    EXPECT_EQ(pose->KnowsAllDirections(), scene == DepthScene::kRoom);
+    EXPECT_NEAR(pose->T_world_event.translation().z(), 0.01, 2e-3) << "towards it";
+    if (scene == DepthScene::kRoom) continue;
+    const auto values = Eigen::SelfAdjointEigenSolver<Matrix6d>(pose->information).eigenvalues();
+    EXPECT_LT(std::abs(values(2)), 1e-6 * values(5)) << "two shifts and a turn";
+    EXPECT_GT(values(3), 1e4);
   }
 }
 

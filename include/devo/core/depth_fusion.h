@@ -29,8 +29,9 @@ class DepthFusion {
   /// Depth poses in the order of their time. Empty where the two contradict each other.
   std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
 
-  int contradictions() const { return contradictions_; }        ///< of the last depth images, in a row
-  std::int64_t agreed_ns() const { return agreed_ns_; }         ///< time of the last that agreed; 0: none has
+  /// Of the last depth images in a row, those that leave a direction open not counted.
+  int contradictions() const { return contradictions_; }
+  std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
   const Vector6d& velocity_event() const { return velocity_; }  ///< from the last two; 0: they are far apart
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }
@@ -46,7 +47,7 @@ class DepthFusion {
 
   double delay_s_ = 0, delay_variance_ = kDelaySigma_s * kDelaySigma_s;
   int contradictions_ = 0;
-  std::int64_t agreed_ns_ = 0;
+  std::int64_t agreed_ns_ = 0, found_ns_ = 0;
   std::optional<DepthPose> last_;
   Vector6d velocity_ = Vector6d::Zero();
   ErrorScale error_scale_;

@@ -29,8 +29,8 @@ class DepthKeyframes {
   };
 
   /// Aligns an image to the keyframe that shows most of it, and keeps it when none shows enough. Empty where nothing
-  /// overlaps, and where what does leaves a direction open, as a wall does. `t_ns` and `epoch` of the result are the
-  /// caller's to fill in. Throws std::invalid_argument when the image has not the depth camera's size.
+  /// overlaps. `t_ns` and `epoch` of the result are the caller's to fill in. Throws std::invalid_argument when the
+  /// image has not the depth camera's size.
   std::optional<DepthPose> Align(const DepthImage& depth, const View& view);
 
   std::size_t size() const { return keyframes_.size(); }

@@ -13,9 +13,13 @@ struct DepthPose {
   std::uint64_t epoch = 0;  ///< of the surfaces at that time
   int chapter = 0;          ///< of the map in whose world the pose is
   Rigid3 T_world_event;
-  Matrix6d information = Matrix6d::Zero();  ///< on a right perturbation [rho; phi] (m, rad) of T_world_event
+  /// On a right perturbation [rho; phi] (m, rad) of T_world_event; none in directions that the image leaves open.
+  Matrix6d information = Matrix6d::Zero();
   /// How that perturbation grows per second by which depth images are later than thought, m/s and rad/s.
   Vector6d per_delay = Vector6d::Zero();
+
+  /// False where a direction is open, as along a wall: there the pose is only what it was predicted to be.
+  bool KnowsAllDirections() const;
 };
 
 }  // namespace devo

@@ -251,8 +251,8 @@ void SearchWhenLost(benchmark::State& state) {
   Relocalizer relocalizer(scene.camera(), OdometryOptions());
   Vector6d off;
   off << 0.5, 0.3, 0, 0.3, -0.4, 0.5;
-  const std::vector<Rigid3> hypotheses = {Exp(off), Exp(-off)};
-  for (auto _ : state) benchmark::DoNotOptimize(relocalizer.Search(*surface, map, hypotheses, true, 0.9));
+  const Relocalizer::Expectation where{{Exp(off), Exp(-off)}, Matrix6d::Identity(), 0};
+  for (auto _ : state) benchmark::DoNotOptimize(relocalizer.Search(*surface, map, where, true, 0.9));
 }
 BENCHMARK(SearchWhenLost)->Unit(benchmark::kMillisecond);
 

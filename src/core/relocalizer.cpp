@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Cholesky>
+
 #include "devo/core/crests.h"
 
 namespace devo {
@@ -25,6 +27,7 @@ constexpr float kMinDepth_m = 0.05F;
 // From far enough the whole map is a speck, which matches any edge: no pose is farther from its start than this share
 // of the map's mean distance.
 constexpr double kMaxShiftShare = 1;
+constexpr double kMaxNormalisedSquare = 25;
 
 Surface WithField(const Surface& surface, double radius_px) {
   Surface wide = surface;  // images are shared, edges copied
@@ -47,6 +50,13 @@ std::vector<MapPoint> Thinned(const std::vector<MapPoint>& points) {
 }
 
 }  // namespace
+
+bool Relocalizer::Expectation::IsPlausible(const Rigid3& T_world_event) const {
+  return std::any_of(starts.begin(), starts.end(), [&](const Rigid3& start) {
+    const Vector6d moved = Log(start.inverse() * T_world_event);
+    return moved.dot(covariance.ldlt().solve(moved)) < kMaxNormalisedSquare;
+  });
+}
 
 void Relocalizer::Clear() {
   places_.clear();
@@ -105,7 +115,8 @@ std::vector<Rigid3> Relocalizer::TurnedStarts(const Surface& wide, const LocalMa
 }
 
 void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map,
-                      const std::vector<MapPoint>& points, const Rigid3& T_world_event, Found* best) const {
+                      const std::vector<MapPoint>& points, const Rigid3& T_world_event, const Expectation& where,
+                      Found* best) const {
   // From wide to narrow; without prior, as what moved since is unknown.
   OdometryOptions options = options_;
   PosePrior start;
@@ -120,6 +131,8 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
   const Rigid3 T_world_found = map->T_world_ref * result.T_event_ref.inverse();
   const double shift_m = (T_world_event.inverse() * T_world_found).translation().norm();
   if (!(shift_m < kMaxShiftShare * MeanDistance(points))) return;
+  // How chapters lie to each other is a guess.
+  if (map->chapter == where.chapter && !where.IsPlausible(T_world_found)) return;
   *best = {T_world_found, map, result};
 }
 
@@ -132,20 +145,20 @@ void Relocalizer::AlignAllPoints(const Surface& surface, Found* found) const {
 }
 
 std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, const LocalMapPtr& map,
-                                                      const std::vector<Rigid3>& hypotheses, bool search_places,
-                                                      double min_share) {
+                                                      const Expectation& where, bool search_places, double min_share) {
   if (surface.nearest_edge.empty() || surface.edges.empty()) return std::nullopt;
   const Surface wide = WithField(surface, kWideShare * surface.width());
   Found best;
   const std::vector<MapPoint> points = Thinned(map->points);
-  for (const Rigid3& T_world_event : hypotheses) {
-    Try(surface, wide, map, points, T_world_event, &best);
-    for (const Rigid3& start : TurnedStarts(wide, *map, T_world_event)) Try(surface, wide, map, points, start, &best);
+  for (const Rigid3& T_world_event : where.starts) {
+    Try(surface, wide, map, points, T_world_event, where, &best);
+    for (const Rigid3& start : TurnedStarts(wide, *map, T_world_event))
+      Try(surface, wide, map, points, start, where, &best);
   }
   if (search_places) {
     for (std::size_t k = 0; k < std::min(kPlacesPerSearch, places_.size()); ++k) {
       const LocalMapPtr& place = places_[next_place_++ % places_.size()];
-      Try(surface, wide, place, Thinned(place->points), place->T_world_ref, &best);
+      Try(surface, wide, place, Thinned(place->points), place->T_world_ref, where, &best);
     }
   }
   if (!best.map) return std::nullopt;

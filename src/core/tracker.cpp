@@ -24,19 +24,23 @@ constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 // newer, but noisier, and its noise would come back through the surfaces.
 constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
-constexpr double kLostAfter_s = 0.2;  // of poses in a row that matched next to nothing, or far less than usual
+constexpr double kLostAfter_s = 0.2;          // of poses in a row that matched next to nothing, or far less than usual
+constexpr double kInertialLostAfter_s = 0.6;  // the same, bridged by an inertial sensor
 constexpr double kLostShareOfUsual = 0.4;
 constexpr double kFirstUsualShare = 0.5, kUsualForgets_s = 0.5;
 // A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
 constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
+// Before it was noticed that a pose is false, it was stated to be certain. Also in radians.
+constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
 // So many depth images in a row that contradict a pose without events are right.
 constexpr int kContradictions = 2;
 constexpr double kHeld_m = 5e-3;  // a pose is held as if it were known so well: farther off, the camera has moved
-constexpr double kStartsTogether_s = 0.1;  // two poses found within this time tell the velocity
-constexpr double kMaxWait_s = 0.15;        // a map is made in less, depth's way through a driver included
+// Two poses found within this time tell the velocity, if it is one.
+constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
+constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
 // A camera slows down over several surfaces; where this many times the events of a standstill end within
 // kActivitySpan_s, it is the events that are missing.
 constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
@@ -114,6 +118,7 @@ void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event) {
   const double since_s = SecondsFromNs(t_ns - started_ns_);
   Vector6d velocity = Vector6d::Zero();
   if (since_s > 0 && since_s < kStartsTogether_s) velocity = Log(T_world_started_.inverse() * T_world_event) / since_s;
+  if (velocity.head<3>().norm() > kMaxStart_m_s || velocity.tail<3>().norm() > kMaxStart_rad_s) velocity.setZero();
   StartAt(t_ns, T_world_event, velocity);
 }
 
@@ -313,11 +318,13 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
   const bool search = unsure_ || (suspicious && (coasted_ || suspicious_in_a_row_ % search_every == search_every - 1));
   unsure_ = false;
-  if (found || (search && Recover(surface, &result))) {
+  if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
+  } else if (inertial_prior_ && IsBad(result.inlier_share) && !FitsNotAtAll(motion_.inertial_fit().gyroscope)) {
+    coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());
@@ -344,10 +351,13 @@ bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d
   return true;
 }
 
-bool Tracker::Recover(const Surface& surface, AlignmentResult* result) {
+bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result) {
   if (!options_.tracking.ideas.search) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
-  const auto found = relocalizer_.Search(surface, map_, {T_world_now, T_world_before_}, state_ == TrackingState::kLost,
+  const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
+  const Matrix6d wide = covariance + unknown_m * unknown_m * Matrix6d::Identity();
+  const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, wide, map_->chapter},
+                                         state_ == TrackingState::kLost,
                                          std::max(0.5 * usual_share_, result->inlier_share + kBetterBy));
   if (!found) return false;
   *result = found->alignment;
@@ -355,13 +365,17 @@ bool Tracker::Recover(const Surface& surface, AlignmentResult* result) {
   return true;
 }
 
+bool Tracker::IsBad(double inlier_share) const {
+  return inlier_share < std::max(kLostShare, kLostShareOfUsual * usual_share_);
+}
+
 void Tracker::UpdateState(PoseEstimate* pose) {
-  bad_in_a_row_ = pose->inlier_share < std::max(kLostShare, kLostShareOfUsual * usual_share_) ? bad_in_a_row_ + 1 : 0;
+  bad_in_a_row_ = IsBad(pose->inlier_share) ? bad_in_a_row_ + 1 : 0;
   suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
   const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
   usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
   const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kLostAfter_s;
-  if (bad_in_a_row_ >= Surfaces(kLostAfter_s) && !by_depth) {
+  if (bad_in_a_row_ >= Surfaces(inertial_prior_ ? kInertialLostAfter_s : kLostAfter_s) && !by_depth) {
     state_ = TrackingState::kLost;
   } else if (pose->inlier_share < kDegradedShare || (state_ == TrackingState::kLost && suspicious_in_a_row_ > 0)) {
     if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;

@@ -6,6 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include <utility>
+
 #include <gtest/gtest.h>
 
 #include "segment_scene.h"
@@ -46,6 +48,11 @@ void ExpectFound(const std::optional<Relocalizer::Found>& found, const LocalMapP
   EXPECT_LT(error.tail<3>().norm(), 2e-3);
 }
 
+/// Known to about so many metres and radians.
+Relocalizer::Expectation From(std::vector<Rigid3> starts, double sigma = 1e3) {
+  return {std::move(starts), sigma * sigma * Matrix6d::Identity(), 0};
+}
+
 /// Places far from the origin and from each other.
 Rigid3 PlaceView(int place) { return Pose(2.0 * place, 0.3, 0, 0, 0.5 * place, 0); }
 
@@ -54,7 +61,7 @@ TEST(Relocalizer, FindsAPoseThatIsFartherOffThanTheTrackerReaches) {
   for (const Rigid3& off : {Pose(0.03, -0.04, 0.05, 0.02, -0.01, 0.04), Pose(-0.05, 0.02, -0.04, -0.02, 0.02, 0)}) {
     const Rigid3 truth = map->T_world_ref * off;
     Relocalizer relocalizer(TestCamera(), {});
-    ExpectFound(relocalizer.Search(Seen(*map, truth), map, {map->T_world_ref}, false, kMinShare), map, truth);
+    ExpectFound(relocalizer.Search(Seen(*map, truth), map, From({map->T_world_ref}), false, kMinShare), map, truth);
   }
 }
 
@@ -63,7 +70,7 @@ TEST(Relocalizer, FindsAPoseAcrossAGapInWhichTheCameraTurned) {
   for (const Rigid3& truth :
        {Pose(0.02, 0, 0, 0, 0.25, 0), Pose(0, 0.02, 0, -0.2, 0.1, 0.02), Pose(0, 0, 0.02, 0.15, -0.2, -0.02)}) {
     Relocalizer relocalizer(TestCamera(), {});
-    ExpectFound(relocalizer.Search(Seen(*map, truth), map, {Rigid3()}, false, kMinShare), map, truth);
+    ExpectFound(relocalizer.Search(Seen(*map, truth), map, From({Rigid3()}), false, kMinShare), map, truth);
   }
 }
 
@@ -73,16 +80,16 @@ TEST(Relocalizer, TakesTheBestOfItsHypotheses) {
   const Surface surface = Seen(*map, truth);
   Relocalizer relocalizer(TestCamera(), {});
   const Rigid3 wrong = Pose(-0.5, 0.5, 0, 0.5, 0.5, -0.5), near = truth * Pose(0.02, 0.02, 0, 0.02, 0.01, 0.02);
-  EXPECT_FALSE(relocalizer.Search(surface, map, {wrong}, false, kMinShare));
-  ExpectFound(relocalizer.Search(surface, map, {wrong, near}, false, kMinShare), map, truth);
-  ExpectFound(relocalizer.Search(surface, map, {near, wrong}, false, kMinShare), map, truth);
+  EXPECT_FALSE(relocalizer.Search(surface, map, From({wrong}), false, kMinShare));
+  ExpectFound(relocalizer.Search(surface, map, From({wrong, near}), false, kMinShare), map, truth);
+  ExpectFound(relocalizer.Search(surface, map, From({near, wrong}), false, kMinShare), map, truth);
 }
 
 TEST(Relocalizer, FindsNothingInASurfaceWithoutEdgesOrOfAnotherPlace) {
   const auto map = Map(4);
   Relocalizer relocalizer(TestCamera(), {});
-  EXPECT_FALSE(relocalizer.Search(Surface(), map, {Rigid3()}, true, 0));
-  EXPECT_FALSE(relocalizer.Search(Seen(*Map(5), Rigid3()), map, {Rigid3()}, true, kMinShare));
+  EXPECT_FALSE(relocalizer.Search(Surface(), map, From({Rigid3()}), true, 0));
+  EXPECT_FALSE(relocalizer.Search(Seen(*Map(5), Rigid3()), map, From({Rigid3()}), true, kMinShare));
 }
 
 TEST(Relocalizer, FindsNothingWhenLessThanTheNeededShareMatches) {
@@ -91,8 +98,8 @@ TEST(Relocalizer, FindsNothingWhenLessThanTheNeededShareMatches) {
   half.edges.resize(half.edges.size() / 2);
   BuildNearestEdgeField(half.edges, 4, &half.nearest_edge);
   Relocalizer relocalizer(TestCamera(), {});
-  EXPECT_FALSE(relocalizer.Search(half, map, {Rigid3()}, false, 0.9));
-  EXPECT_TRUE(relocalizer.Search(half, map, {Rigid3()}, false, 0.4));
+  EXPECT_FALSE(relocalizer.Search(half, map, From({Rigid3()}), false, 0.9));
+  EXPECT_TRUE(relocalizer.Search(half, map, From({Rigid3()}), false, 0.4));
 }
 
 TEST(Relocalizer, ReturnsToARememberedPlaceOnlyWhenAskedTo) {
@@ -100,10 +107,23 @@ TEST(Relocalizer, ReturnsToARememberedPlaceOnlyWhenAskedTo) {
   const Rigid3 truth = place->T_world_ref * Pose(0.03, 0.02, -0.02, 0.01, 0.02, -0.02);
   const Surface surface = Seen(*place, truth);
   Relocalizer relocalizer(TestCamera(), {});
-  EXPECT_FALSE(relocalizer.Search(surface, map, {Rigid3()}, true, kMinShare));
+  EXPECT_FALSE(relocalizer.Search(surface, map, From({Rigid3()}), true, kMinShare));
   relocalizer.Remember(place);
-  EXPECT_FALSE(relocalizer.Search(surface, map, {Rigid3()}, false, kMinShare));
-  ExpectFound(relocalizer.Search(surface, map, {Rigid3()}, true, kMinShare), place, truth);
+  EXPECT_FALSE(relocalizer.Search(surface, map, From({Rigid3()}), false, kMinShare));
+  ExpectFound(relocalizer.Search(surface, map, From({Rigid3()}), true, kMinShare), place, truth);
+}
+
+TEST(Relocalizer, TakesNoViewThatIsTooFarFromWhereTheCameraCanBeUnlessItIsOfAnotherChapter) {
+  const auto map = Map(7);
+  auto place = std::make_shared<LocalMap>(*Map(8, PlaceView(2)));
+  for (const int chapter : {0, 1}) {
+    place->chapter = chapter;
+    Relocalizer relocalizer(TestCamera(), {});
+    relocalizer.Remember(place);
+    const Surface surface = Seen(*place, place->T_world_ref);
+    EXPECT_EQ(relocalizer.Search(surface, map, From({Rigid3()}, 0.1), true, kMinShare).has_value(), chapter == 1);
+    EXPECT_TRUE(relocalizer.Search(surface, map, From({Rigid3()}, 2), true, kMinShare));
+  }
 }
 
 TEST(Relocalizer, TriesEveryPlaceWithinAFewSearches) {
@@ -114,7 +134,7 @@ TEST(Relocalizer, TriesEveryPlaceWithinAFewSearches) {
     const Surface surface = Seen(*Map(wanted, PlaceView(wanted)), PlaceView(wanted));
     bool found = false;
     for (int search = 0; search < 8 && !found; ++search) {
-      const auto result = relocalizer.Search(surface, map, {}, true, kMinShare);
+      const auto result = relocalizer.Search(surface, map, From({Rigid3()}), true, kMinShare);
       found = result && result->map->id == wanted;
     }
     EXPECT_TRUE(found) << "place " << wanted;
@@ -127,8 +147,8 @@ TEST(Relocalizer, KeepsTheNewerOfTwoMapsOfNearlyTheSameView) {
   Relocalizer relocalizer(TestCamera(), {});
   relocalizer.Remember(older);
   relocalizer.Remember(newer);
-  EXPECT_FALSE(relocalizer.Search(Seen(*older, view), Map(20), {}, true, kMinShare));
-  ExpectFound(relocalizer.Search(Seen(*newer, same), Map(20), {}, true, kMinShare), newer, same);
+  EXPECT_FALSE(relocalizer.Search(Seen(*older, view), Map(20), From({Rigid3()}), true, kMinShare));
+  ExpectFound(relocalizer.Search(Seen(*newer, same), Map(20), From({Rigid3()}), true, kMinShare), newer, same);
 }
 
 TEST(Relocalizer, ForgetsItsPlacesWhenCleared) {
@@ -137,7 +157,7 @@ TEST(Relocalizer, ForgetsItsPlacesWhenCleared) {
   Relocalizer relocalizer(TestCamera(), {});
   relocalizer.Remember(place);
   relocalizer.Clear();
-  EXPECT_FALSE(relocalizer.Search(surface, Map(22), {}, true, kMinShare));
+  EXPECT_FALSE(relocalizer.Search(surface, Map(22), From({Rigid3()}), true, kMinShare));
 }
 
 TEST(Relocalizer, DoesNotTakeTheMapSeenFromAfarForTheFewEdgesThatASurfaceHas) {
@@ -147,7 +167,7 @@ TEST(Relocalizer, DoesNotTakeTheMapSeenFromAfarForTheFewEdgesThatASurfaceHas) {
     const auto map = Map(seed);
     LocalMap left = *map;
     left.points.resize(60);
-    const auto found = relocalizer.Search(Seen(left, Rigid3()), map, {Pose(0.1, 0, 0, 0, 0, 0)}, false, 0);
+    const auto found = relocalizer.Search(Seen(left, Rigid3()), map, From({Pose(0.1, 0, 0, 0, 0, 0)}), false, 0);
     if (found) {
       EXPECT_LT(found->T_world_event.translation().norm(), 3) << seed;
     }

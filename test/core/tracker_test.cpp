@@ -295,19 +295,6 @@ TEST(Tracker, TakesAHandfulOfMatchesForNoPoseAndHoldsWhileItIsLost) {
   EXPECT_LT(Log(when_lost.T_world_event.inverse() * pose.T_world_event).norm(), 0.3);
 }
 
-TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
-  const auto tracker = Moving();
-  std::optional<PoseEstimate> pose;
-  for (int k = 1; k <= 60; ++k) {
-    Surface nothing = Still(kNow_ns + k * kPeriod_ns, 5);
-    nothing.still = false;
-    pose = tracker->Track(nothing);
-    ASSERT_TRUE(pose);
-    ASSERT_TRUE(pose->T_world_event.IsFinite() && pose->covariance_event.allFinite()) << k;
-  }
-  EXPECT_EQ(pose->state, TrackingState::kLost);
-}
-
 /// Segments that have nothing to do with those of Map().
 LocalMapPtr ElsewhereMap(int chapter) {
   auto map = std::make_shared<LocalMap>(*Map());
@@ -321,6 +308,36 @@ Surface SeenElsewhere(std::int64_t t_ns) {
   surface.t_ns = surface.t_edges_ns = t_ns;
   surface.activity_hz = 5;
   return surface;
+}
+
+TEST(Tracker, GoesOnWithTheInertialSensorThroughAViewThatTheMapDoesNotHaveYet) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  std::optional<PoseEstimate> pose;
+  double worst = 0;
+  for (int k = 1; k <= 100; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+    pose = tracker.Track(k <= 40 || k > 80 ? Seen(t_ns, TrueAt(t_ns)) : SeenElsewhere(t_ns));
+    ASSERT_TRUE(pose);
+    if (k > 40) worst = std::max(worst, Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm());
+    EXPECT_NE(pose->state, TrackingState::kLost) << k;
+  }
+  EXPECT_LT(worst, 0.02);  // of 0.13 m
+  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+}
+
+TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
+  const auto tracker = Moving();
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 60; ++k) {
+    Surface nothing = Still(kNow_ns + k * kPeriod_ns, 5);
+    nothing.still = false;
+    pose = tracker->Track(nothing);
+    ASSERT_TRUE(pose);
+    ASSERT_TRUE(pose->T_world_event.IsFinite() && pose->covariance_event.allFinite()) << k;
+  }
+  EXPECT_EQ(pose->state, TrackingState::kLost);
 }
 
 TEST(Tracker, AsksForANewMapInAnUnknownViewAndGoesOnInItsChapterWithoutCertaintyOfTheWay) {

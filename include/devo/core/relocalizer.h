@@ -33,9 +33,18 @@ class Relocalizer {
     LocalMapPtr map;  ///< that it was registered to
     AlignmentResult alignment;
   };
-  /// The best registration to `map` started from each of `hypotheses` (T_world_event), and, `search_places` set, to the
-  /// next few remembered places started from their own views. Empty when none matches `min_share` of the points.
-  std::optional<Found> Search(const Surface& surface, const LocalMapPtr& map, const std::vector<Rigid3>& hypotheses,
+  /// Where the camera may be.
+  struct Expectation {
+    std::vector<Rigid3> starts;  ///< T_world_event
+    Matrix6d covariance;         ///< of a right perturbation [rho; phi] (m, rad) of them
+    int chapter = 0;             ///< in whose world they are
+    /// Near enough to one of the starts: views resemble each other, most of all where little is seen.
+    bool IsPlausible(const Rigid3& T_world_event) const;
+  };
+  /// The best registration to `map` from each of the expected starts, and, `search_places` set, to the next few
+  /// remembered places started from their own views. Empty when none that is plausible matches `min_share` of the
+  /// points; those of other chapters always are.
+  std::optional<Found> Search(const Surface& surface, const LocalMapPtr& map, const Expectation& where,
                               bool search_places, double min_share);
 
   void Clear();
@@ -43,7 +52,7 @@ class Relocalizer {
  private:
   std::vector<Rigid3> TurnedStarts(const Surface& wide, const LocalMap& map, const Rigid3& T_world_event) const;
   void Try(const Surface& surface, const Surface& wide, const LocalMapPtr& map, const std::vector<MapPoint>& points,
-           const Rigid3& T_world_event, Found* best) const;
+           const Rigid3& T_world_event, const Expectation& where, Found* best) const;
   void AlignAllPoints(const Surface& surface, Found* found) const;
 
   Camera camera_;

@@ -82,7 +82,10 @@ class Tracker {
   bool IsMoving(std::int64_t t_ns, double unseen_s) const;
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
-  bool Recover(const Surface& surface, AlignmentResult* result);
+  /// `covariance`: of the predicted pose.
+  bool Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result);
+  /// Next to nothing was matched, or far less than usual.
+  bool IsBad(double inlier_share) const;
   void UpdateState(PoseEstimate* pose);
 
   OdometryOptions options_;

@@ -37,7 +37,8 @@ constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03;
 constexpr double kGiveUp_s = 1;
 // So many depth images in a row that contradict a pose without events are right.
 constexpr int kContradictions = 2;
-constexpr double kHeld_m = 5e-3;  // a pose is held as if it were known so well: farther off, the camera has moved
+constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not the events' any more
+constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
 constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
@@ -48,8 +49,23 @@ constexpr double kActivitySpan_s = 0.03;
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
-constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1, kSlow_rad_s = 0.1;
+constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1;  // also in rad/s
+// Slower than this, a camera whose events end stands.
+constexpr double kStopping_m_s = 0.05;
 constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
+
+bool IsBelow(const Vector6d& velocity, double limit) {
+  return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
+}
+
+bool MovesClearly(const MotionFilter::Prediction& now) {
+  return now.velocity_event.dot(now.velocity_covariance.ldlt().solve(now.velocity_event)) > kClearlyMoving;
+}
+
+/// Not about to stand, as far as is known.
+bool MayMove(const MotionFilter::Prediction& now) {
+  return !IsBelow(now.velocity_event, kStopping_m_s) || MovesClearly(now);
+}
 
 }  // namespace
 
@@ -93,16 +109,15 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
 
 void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
-  if (by_events) {
-    T_world_by_depth_ = T_world_now;
-  } else if (depth_fusion_.contradictions() >= kContradictions) {
-    const std::int64_t now_ns = motion_.time_ns();
-    const Vector6d& velocity = depth_fusion_.velocity_event();
-    StartAt(now_ns, depth.T_world_event * Exp(velocity * SecondsFromNs(now_ns - depth.t_ns)), velocity);
-    last_active_ns_ = now_ns;
-    missing_ = coasted_ = true;
-    held_ = false;
-  }
+  if (by_events) T_world_by_depth_ = T_world_now;
+  const bool sure_of_events = by_events && bad_in_a_row_ < Surfaces(kBadFor_s);
+  if (sure_of_events || depth_fusion_.contradictions() < kContradictions) return;
+  const std::int64_t now_ns = motion_.time_ns();
+  const Vector6d& velocity = depth_fusion_.velocity_event();
+  StartAt(now_ns, depth.T_world_event * Exp(velocity * SecondsFromNs(now_ns - depth.t_ns)), velocity);
+  last_active_ns_ = now_ns;
+  missing_ = coasted_ = true;
+  held_ = false;
 }
 
 void Tracker::BeginChapter(const LocalMap& map) {
@@ -176,8 +191,9 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.epoch = surface.epoch;
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
-  missing_ = surface.still && (missing_ || EventsEndedSuddenly()) && unseen_s < kMaxCoast_s;
-  coasting_ = missing_ || (surface.still && unseen_s < kMaxCoast_s && IsMoving(surface.t_edges_ns, unseen_s));
+  const bool may_move = surface.still && unseen_s < kMaxCoast_s;
+  missing_ = may_move && (missing_ || EventsEndedSuddenly()) && MayMove(PredictAt(surface.t_edges_ns));
+  coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   held_ = surface.still && !coasting_;
   if (surface.t_edges_ns > motion_.time_ns()) {
     if (!surface.still) {
@@ -269,15 +285,17 @@ bool Tracker::EventsEndedSuddenly() const {
          activity_hz_.front() > kSuddenShare * usual_activity_hz_;
 }
 
-bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {
-  if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
+MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
-  const auto now = ahead.Predict(t_ns);
-  const bool slow =
-      now.velocity_event.head<3>().norm() < kSlow_m_s && now.velocity_event.tail<3>().norm() < kSlow_rad_s;
-  if (slow && unseen_s > kMaxUnseen_s) return false;
-  return now.velocity_event.dot(now.velocity_covariance.ldlt().solve(now.velocity_event)) > kClearlyMoving;
+  return ahead.Predict(std::max(t_ns, ahead.time_ns()));
+}
+
+bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {
+  if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
+  const auto now = PredictAt(t_ns);
+  if (IsBelow(now.velocity_event, kSlow_m_s) && unseen_s > kMaxUnseen_s) return false;
+  return MovesClearly(now);
 }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {

@@ -431,6 +431,33 @@ TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionTh
   EXPECT_NEAR((held.inverse() * pose->T_world_event).translation().x(), 0.2, 0.03);
 }
 
+TEST(Tracker, BelievesDepthWhereSurfacesMatchNextToNothing) {
+  const auto tracker = Moving();
+  // The motion turns round where the map has nothing.
+  const auto at = [&](int k) { return TrueAt(kNow_ns) * Exp(-3 * Twist() * SecondsFromNs(k * kPeriod_ns)); };
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 19; ++k) {
+    if (k > 4 && k % 3 == 0) tracker->AddDepthPose(ByDepth(kNow_ns + (k - 3) * kPeriod_ns, at(k - 3)));
+    pose = tracker->Track(SeenElsewhere(kNow_ns + k * kPeriod_ns));
+    ASSERT_TRUE(pose);
+  }
+  EXPECT_NE(pose->state, TrackingState::kLost);
+  EXPECT_LT((at(19).inverse() * pose->T_world_event).translation().norm(), 0.015);  // 0.03 without
+}
+
+TEST(Tracker, TakesTheEndOfTheEventsOfASlowCameraForAStop) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  const auto at = [](int k) { return Rigid3::Translation({3e-4 * k, 0, 0}); };  // 0.03 m/s
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 50; ++k) pose = tracker.Track(Seen(k * kPeriod_ns, at(k)));
+  for (int k = 51; k <= 150; ++k) {
+    pose = tracker.Track(Still(k * kPeriod_ns));
+    ASSERT_NE(pose->state, TrackingState::kLost) << k;
+  }
+  EXPECT_LT(Log(at(50).inverse() * pose->T_world_event).norm(), 6e-3);
+}
+
 TEST(Tracker, IsBroughtBackByDepthFromAPoseThatIsWrong) {
   OdometryOptions options;
   options.tracking.ideas.search = false;

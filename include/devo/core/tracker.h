@@ -78,6 +78,8 @@ class Tracker {
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   bool EventsEndedSuddenly() const;
+  /// With the inertial sensor's readings, where there are any.
+  MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
   /// By what is known of its velocity, not by events.
   bool IsMoving(std::int64_t t_ns, double unseen_s) const;
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);

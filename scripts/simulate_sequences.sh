@@ -38,3 +38,8 @@ sequence table_mid_davis346 --scene table --speed mid --seed 1 --sensor davis346
 sequence table_slow_davis346 --scene table --speed slow --seed 1 --sensor davis346 --no-frames --duration 5
 sequence table_slow_davis240 --scene table --speed slow --seed 3 --sensor davis240 --depth-rate 15 --no-frames --duration 4
 sequence sofa_mid_davis240 --scene sofa --speed mid --seed 5 --sensor davis240 --no-frames --duration 4
+for motion in walk turn; do
+  [ -e "$motion.txt" ] || "$source_dir/scripts/make_trajectory.py" "$motion" "$motion.txt"
+done
+sequence hall_walk_davis346 --scene hall --trajectory walk.txt --sensor davis346 --no-frames
+sequence table_turn_davis346 --scene table --trajectory turn.txt --sensor davis346 --no-frames

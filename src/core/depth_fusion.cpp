@@ -54,12 +54,12 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   if (knows_all) found_ns_ = depth.t_ns;
 
   const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
-  const Matrix6d S_inverse = (estimate.covariance + R).ldlt().solve(I);
+  const Matrix6d s_inverse = (estimate.covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
-  const Vector6d gain = (knows_all ? delay_variance_ : 0) * (S_inverse * per_delay);
+  const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);
   delay_s_ = StepDelay(delay_s_, gain.dot(residual), kMaxDelay_s);
   delay_variance_ -= kDelayDrop * delay_variance_ * gain.dot(per_delay);
-  return Correction{estimate.covariance * (S_inverse * residual), R.ldlt().solve(I)};
+  return Correction{estimate.covariance * (s_inverse * residual), R.ldlt().solve(I)};
 }
 
 }  // namespace devo

@@ -45,7 +45,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d stated = estimate.covariance + alone + rest;
   const bool knows_all = depth.KnowsAllDirections();
   if (knows_all) error_scale_.Note(depth.t_ns, residual, stated);
-  if (residual.dot(stated.ldlt().solve(residual)) > kMaxNormalisedSquare) {
+  if (NormalisedSquare(residual, stated) > kMaxNormalisedSquare) {
     contradictions_ += knows_all ? 1 : 0;
     return std::nullopt;
   }

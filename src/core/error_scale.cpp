@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include <Eigen/Cholesky>
-
 #include "devo/core/time.h"
 
 namespace devo {
@@ -25,7 +23,7 @@ void ErrorScale::Note(std::int64_t t_ns, const Vector6d& apart, const Matrix6d& 
   while (SecondsFromNs(t_ns - past_.front().t_ns) > kMaxSpan_s) past_.pop_front();
   if (since_s <= 0 || SecondsFromNs(t_ns - past_.front().t_ns) < kMinSpan_s) return;
   const Vector6d came_apart = apart - past_.front().apart;
-  const double square = came_apart.dot(stated.ldlt().solve(came_apart)) / (2 * 6);
+  const double square = NormalisedSquare(came_apart, stated) / (2 * 6);
   known_s_ += since_s;
   const double share = since_s / std::min(known_s_ + kForgets_s / 4, kForgets_s);
   scale_ += std::min(1.0, share) * (std::min(square / kUsual, kMaxScale) - scale_);

@@ -200,6 +200,10 @@ void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information) {
   push_misfit_shown_ = std::max(push_misfit_shown_, push_misfit_);
 }
 
+Matrix6d MotionFilter::velocity_covariance() const { return P_.block<6, 6>(kV, kV); }
+
+double MotionFilter::delay_variance_s2() const { return P_(kDelay, kDelay); }
+
 double MotionFilter::gyroscope_trust() const { return 1 / std::sqrt(Widening(turn_misfit_)); }
 
 InertialFit MotionFilter::inertial_fit() const {

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Cholesky>
-
 #include "devo/core/crests.h"
 
 namespace devo {
@@ -53,8 +51,7 @@ std::vector<MapPoint> Thinned(const std::vector<MapPoint>& points) {
 
 bool Relocalizer::Expectation::IsPlausible(const Rigid3& T_world_event) const {
   return std::any_of(starts.begin(), starts.end(), [&](const Rigid3& start) {
-    const Vector6d moved = Log(start.inverse() * T_world_event);
-    return moved.dot(covariance.ldlt().solve(moved)) < kMaxNormalisedSquare;
+    return NormalisedSquare(Log(start.inverse() * T_world_event), covariance) < kMaxNormalisedSquare;
   });
 }
 

@@ -5,6 +5,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
 namespace devo {
@@ -94,6 +95,8 @@ Vector6d Log(const Rigid3& T) {
   xi.head<3>() = LeftJacobianSO3(xi.tail<3>()).inverse() * T.translation();
   return xi;
 }
+
+double NormalisedSquare(const Vector6d& x, const Matrix6d& covariance) { return x.dot(covariance.ldlt().solve(x)); }
 
 Matrix6d Adjoint(const Rigid3& T) {
   const Eigen::Matrix3d R = T.rotation().toRotationMatrix();

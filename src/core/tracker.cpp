@@ -59,7 +59,7 @@ bool IsBelow(const Vector6d& velocity, double limit) {
 }
 
 bool MovesClearly(const MotionFilter::Prediction& now) {
-  return now.velocity_event.dot(now.velocity_covariance.ldlt().solve(now.velocity_event)) > kClearlyMoving;
+  return NormalisedSquare(now.velocity_event, now.velocity_covariance) > kClearlyMoving;
 }
 
 /// Not about to stand, as far as is known.
@@ -192,7 +192,8 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   const bool may_move = surface.still && unseen_s < kMaxCoast_s;
-  missing_ = may_move && (missing_ || EventsEndedSuddenly()) && MayMove(PredictAt(surface.t_edges_ns));
+  missing_ = may_move && (missing_ || EventsEndedSuddenly()) &&
+             MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   held_ = surface.still && !coasting_;
   if (surface.t_edges_ns > motion_.time_ns()) {
@@ -227,13 +228,11 @@ void Tracker::NoteActivity(const Surface& surface) {
 void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->t_edges_ns = motion_.time_ns();
   pose->T_world_event_edges = motion_.pose();
-  MotionFilter ahead = motion_;
   // Late events show where the camera was. An inertial sensor is never early, but may be late: that says nothing of
   // them.
   pose->event_delay_s = std::max(0.0, motion_.delay_s());
   const std::int64_t t_shown_ns = pose->t_ns + NsFromSeconds(pose->event_delay_s);
-  Advance(t_shown_ns, &ahead);
-  const auto now = ahead.Predict(t_shown_ns);
+  const auto now = PredictAt(t_shown_ns);
   pose->T_world_event = held ? motion_.pose() : now.T_world_event;
   pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = MeanVelocity();
@@ -288,7 +287,7 @@ bool Tracker::EventsEndedSuddenly() const {
 MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
-  return ahead.Predict(std::max(t_ns, ahead.time_ns()));
+  return ahead.Predict(t_ns);
 }
 
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {

@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 #include <nlohmann/json.hpp>
 
@@ -54,7 +53,7 @@ double NormalisedErrorSquared(const Pair& i, const Pair& j) {
   const Matrix6d A = Adjoint((i.estimate.inverse() * j.estimate).inverse());
   const Matrix6d C = *j.covariance + A * *i.covariance * A.transpose();
   const Vector6d error = Log(RelativeError(i, j));
-  return error.dot(C.ldlt().solve(error)) / 6;
+  return NormalisedSquare(error, C) / 6;
 }
 
 void AddStandstills(const std::vector<Pair>& pairs, Evaluation* result) {

@@ -156,5 +156,11 @@ TEST_F(Rigid3Test, FromMatrixRejectsWhatIsNotARigidTransformationAndSaysWhy) {
   EXPECT_THAT(message(not_finite), testing::HasSubstr("not finite"));
 }
 
+TEST(Rigid3, ThePerturbationOfOneStandardDeviationInEachDirectionHasANormalisedSquareOfSix) {
+  Vector6d sigma;
+  sigma << 1e-3, 2e-3, 0.1, 3e-4, 5, 0.02;
+  EXPECT_NEAR(NormalisedSquare(sigma, sigma.cwiseAbs2().asDiagonal()), 6, 1e-9);
+}
+
 }  // namespace
 }  // namespace devo

@@ -63,14 +63,14 @@ class MotionFilter {
   std::int64_t time_ns() const { return t_ns_; }
   const Rigid3& pose() const { return T_world_event_; }
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
-  Matrix6d velocity_covariance() const { return P_.block<6, 6>(6, 6); }  ///< of [v; omega], m/s and rad/s
+  Matrix6d velocity_covariance() const;  ///< of [v; omega], m/s and rad/s
   bool started() const { return started_; }
   const Eigen::Vector3d& gravity_world() const { return gravity_world_; }    ///< m/s^2; zero: not known
   const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }  ///< rad/s, event frame
   /// By how much later than the inertial sensor's stamps events show the same motion, s: what they read over [a, b] is
   /// to be given for [a + delay, b + delay].
   double delay_s() const { return delay_s_; }
-  double delay_variance_s2() const { return P_(kStates - 1, kStates - 1); }
+  double delay_variance_s2() const;
   const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
   /// A good gyroscope's errors over those that it is taken to have now, up to 1.
   double gyroscope_trust() const;

@@ -72,8 +72,8 @@ class NoiseFilter {
   std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
   std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
   std::vector<std::uint32_t> hot_, flickering_;
-  std::vector<char>
-      suspected_;  // per area of 16 x 16 pixels, every 8: whether it looked like flicker in the last period
+  // Per area of 16 x 16 pixels, every 8: whether it looked like flicker in the last period.
+  std::vector<char> suspected_;
   double noise_hz_ = 0, on_share_ = 0.5;
   bool knows_noise_ = false;
   std::uint32_t needed_window_us_ = 0;

@@ -63,6 +63,9 @@ Vector6d Log(const Rigid3& T);
 /// Adjoint of T_a_b: Exp(Adjoint(T) * xi) * T = T * Exp(xi), for [rho; phi] ordering.
 Matrix6d Adjoint(const Rigid3& T);
 
+/// x' C^-1 x of a perturbation and its covariance: 6 in the mean where that is honest (Mahalanobis).
+double NormalisedSquare(const Vector6d& x, const Matrix6d& covariance);
+
 /// Right Jacobian of SE(3): Exp(xi + d) ~ Exp(xi) * Exp(RightJacobian(xi) * d).
 /// Series to fourth order in ad(xi): accurate to 5e-6 for |phi| < 0.3 rad.
 Matrix6d RightJacobian(const Vector6d& xi);

@@ -18,6 +18,10 @@ constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
 // The local map is composed anew when the view has moved by this share of the scene's depth, or this angle.
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
+constexpr double kObserveEvery_s = 0.04;
+// Surfaces of views nearer to each other, in shares of the scene's depth and radians, have much of their errors in
+// common: one of them refines the map.
+constexpr double kNewView = 0.01;
 
 /// With the camera and the pose of the depth images: those made of sweeps are in the undistorted event image.
 Rig DepthImageRig(Rig rig) {
@@ -54,6 +58,8 @@ void Mapper::Reset() {
   T_world_local_.reset();
   scene_depth_ = SceneDepth();
   last_match_ = Match();
+  T_world_refined_ = Rigid3();
+  observed_ns_ = 0;
 }
 
 void Mapper::SetOptions(const OdometryOptions& options) {
@@ -114,6 +120,7 @@ void Mapper::ForgetSurfacesBefore(const SurfacePtr& surface) {
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
   changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
+  ObserveBetweenDepths();
   return changed || ViewMoved() ? MakeLocalMap() : nullptr;
 }
 
@@ -211,9 +218,26 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
     map_ = previous;
     return false;
   }
-  const auto visible = map_.Project(T_world_event, occluder_ ? &*occluder_ : nullptr);
-  map_.UpdateSupport(*surface, visible, velocity_);
+  const auto visible = Observe(*surface, T_world_event);
+  map_.DropUnproven();
   return AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
+}
+
+std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const Rigid3& T_world_event) {
+  auto visible = map_.Project(T_world_event, occluder_ ? &*occluder_ : nullptr);
+  const Rigid3 moved = T_world_refined_.inverse() * T_world_event;
+  const bool new_view = moved.translation().norm() / SceneDepth_m() + RotationAngle(moved) > kNewView;
+  if (new_view) T_world_refined_ = T_world_event;
+  map_.Observe(surface, visible, {T_world_event, velocity_, options_.surface.edge_lag_px, new_view});
+  observed_ns_ = surface.t_edges_ns;
+  return visible;
+}
+
+void Mapper::ObserveBetweenDepths() {
+  if (!options_.mapping.reuse_references || map_.empty() || !trackable_ || surfaces_.empty() || poses_.empty()) return;
+  const Surface& surface = *surfaces_.back();
+  if (surface.still || SecondsFromNs(surface.t_edges_ns - observed_ns_) < kObserveEvery_s) return;
+  if (poses_.last_time_ns() == surface.t_edges_ns) Observe(surface, poses_.last());
 }
 
 bool Mapper::BeginChapter(const Surface& surface, const Rigid3& T_world_event) {
@@ -283,12 +307,14 @@ MapPoint Mapper::MakePoint(const EdgePoint& edge, float z_m, double window_s) co
   return point;
 }
 
+double Mapper::SceneDepth_m() const { return scene_depth_.median_m > 0 ? scene_depth_.median_m : 1.0; }
+
 bool Mapper::ViewMoved() const {
   if (!options_.mapping.reuse_references || map_.empty() || !T_world_local_ || poses_.empty() || !trackable_)
     return false;
   const Rigid3 T_local_event = T_world_local_->inverse() * poses_.last();
-  const double depth_m = scene_depth_.median_m > 0 ? scene_depth_.median_m : 1.0;
-  return T_local_event.translation().norm() > kViewShare * depth_m || RotationAngle(T_local_event) > kViewAngle_rad;
+  return T_local_event.translation().norm() > kViewShare * SceneDepth_m() ||
+         RotationAngle(T_local_event) > kViewAngle_rad;
 }
 
 LocalMapPtr Mapper::MakeLocalMap() {

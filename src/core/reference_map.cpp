@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "devo/core/alignment_problem.h"
+#include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
 #include "simd.h"
 
@@ -92,6 +93,7 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   reference.center_ref.setZero();
   for (MapPoint& point : points) {
     point.reference = reference.id;
+    point.sigma_px = SigmaAcross(CovarianceOfNewPoint());
     reference.center_ref += point.p_ref / static_cast<float>(points.size());
   }
   reference.radius_m = 0;
@@ -100,6 +102,7 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   }
   reference.expected.assign(points.size(), 0);
   reference.met.assign(points.size(), 0);
+  reference.covariances.assign(points.size(), CovarianceOfNewPoint());
   reference.points = std::move(points);
   reference.points.shrink_to_fit();
   reference.last_seen = ++calls_;
@@ -208,10 +211,14 @@ std::vector<bool> ReferenceMap::ExplainedEdges(const Surface& surface, const std
   return explained;
 }
 
-void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visible>& visible,
-                                 const Vector6d& velocity_event) {
+void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& visible, const Moment& moment) {
   if (surface.nearest_edge.empty()) return;
-  std::vector<bool> touched(references_.size(), false);
+  const bool refine = moment.new_view && options_.ideas.refine_points;
+  std::vector<Eigen::Matrix3f> R_event_ref;
+  for (const Reference& reference : references_) {
+    const Eigen::Quaterniond q = moment.T_world_event.rotation().conjugate() * reference.T_world_ref.rotation();
+    R_event_ref.push_back(q.toRotationMatrix().cast<float>());
+  }
   ++calls_;
   const auto pixel = [&](const Visible& point) {
     return surface.nearest_edge[static_cast<int>(point.v + 0.5F)] + static_cast<int>(point.u + 0.5F);
@@ -224,22 +231,40 @@ void ReferenceMap::UpdateSupport(const Surface& surface, const std::vector<Visib
     Reference& reference = references_[point.reference];
     reference.last_seen = calls_;
     const Eigen::Vector2f motion =
-        ImageVelocity(velocity_event, point.p_event, camera_) * static_cast<float>(surface.window_s);
+        ImageVelocity(moment.velocity_event, point.p_event, camera_) * static_cast<float>(surface.window_s);
     const float across_px = motion.x() * point.normal_x + motion.y() * point.normal_y;
     const float weight = VisibilityOfMotion(across_px);
     if (weight < 0.5F) continue;
     reference.expected[point.point] += weight;
-    touched[point.reference] = true;
     const int id = surface.NearestEdge(static_cast<int>(point.u + 0.5F), static_cast<int>(point.v + 0.5F));
     if (id < 0) continue;
     const EdgePoint& edge = surface.edges[id];
-    if (std::abs(point.normal_x * edge.nx + point.normal_y * edge.ny) < kMinNormalCosine) continue;
+    const float cosine = point.normal_x * edge.nx + point.normal_y * edge.ny;
+    if (std::abs(cosine) < kMinNormalCosine) continue;
     const float distance = edge.nx * (point.u - edge.x) + edge.ny * (point.v - edge.y);
-    if (std::abs(distance) < kSupportDistance_px) reference.met[point.point] += weight;
+    if (std::abs(distance) >= kSupportDistance_px) continue;
+    reference.met[point.point] += weight;
+    if (!refine) continue;
+    const float share = distance / kSupportDistance_px, likely = (1 - share * share) * (1 - share * share);
+    const float lag = EdgeLagPx(LagStrength(across_px, 0, static_cast<float>(moment.edge_lag_px)), edge.strength);
+    MapPoint& refined = reference.points[point.point];
+    PointCovariance& covariance = reference.covariances[point.point];
+    RefinePoint({R_event_ref[point.reference],
+                 point.p_event,
+                 {edge.nx, edge.ny},
+                 distance - (cosine < 0 ? -lag : lag),
+                 weight * likely},
+                camera_, &refined, &covariance);
+    refined.sigma_px = SigmaAcross(covariance);
   }
-  for (std::size_t k = 0; k < references_.size(); ++k) {
-    if (touched[k] && options_.ideas.drop_points) Prune(&references_[k]);
+}
+
+void ReferenceMap::DropUnproven() {
+  if (!options_.ideas.drop_points) return;
+  for (Reference& reference : references_) {
+    if (reference.last_seen > dropped_at_) Prune(&reference);
   }
+  dropped_at_ = calls_;
 }
 
 void ReferenceMap::Prune(Reference* reference) {
@@ -254,11 +279,13 @@ void ReferenceMap::Prune(Reference* reference) {
     reference->points[kept] = reference->points[i];
     reference->expected[kept] = reference->expected[i];
     reference->met[kept] = reference->met[i];
+    reference->covariances[kept] = reference->covariances[i];
     ++kept;
   }
   Shorten(&reference->points, kept);
   Shorten(&reference->expected, kept);
   Shorten(&reference->met, kept);
+  Shorten(&reference->covariances, kept);
 }
 
 std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const {

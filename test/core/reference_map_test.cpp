@@ -114,12 +114,17 @@ TEST(ReferenceMap, ExplainsNothingWhenItIsEmpty) {
 /// Moving sideways: 1.2 px across upright edges 2 m away in a surface's 20 ms.
 Vector6d Sideways() { return Vector6d::Unit(0); }
 
+void Observe(ReferenceMap* map, const Surface& surface, const Vector6d& velocity_event) {
+  map->Observe(surface, map->Project(Rigid3(), nullptr), {Rigid3(), velocity_event, 0, false});
+  map->DropUnproven();
+}
+
 TEST(ReferenceMap, DropsAPointThatMeetsNoEdgeAndKeepsOneThatDoes) {
   ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)});
   const Surface surface = SurfaceWith({{50.5F, 40}});
-  for (int k = 0; k < 5; ++k) map.UpdateSupport(surface, map.Project(Rigid3(), nullptr), Sideways());
+  for (int k = 0; k < 5; ++k) Observe(&map, surface, Sideways());
   EXPECT_THAT(map.AllPoints(), SizeIs(2));  // too early to judge
-  for (int k = 0; k < 5; ++k) map.UpdateSupport(surface, map.Project(Rigid3(), nullptr), Sideways());
+  for (int k = 0; k < 5; ++k) Observe(&map, surface, Sideways());
   ASSERT_THAT(map.AllPoints(), SizeIs(1));
   EXPECT_NEAR(map.Project(Rigid3(), nullptr)[0].u, 50, 1e-3);
 }
@@ -129,16 +134,38 @@ TEST(ReferenceMap, KeepsPointsThatMeetNoEdgeWhenDroppingThemIsSwitchedOff) {
   ideas.drop_points = false;
   ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)}, 2000, ideas);
   for (int k = 0; k < 20; ++k) {
-    map.UpdateSupport(SurfaceWith({{50.5F, 40}}), map.Project(Rigid3(), nullptr), Sideways());
+    Observe(&map, SurfaceWith({{50.5F, 40}}), Sideways());
   }
   EXPECT_THAT(map.AllPoints(), SizeIs(2));
+}
+
+TEST(ReferenceMap, MovesAPointTowardsTheEdgeThatItMeetsInNewViewsOnly) {
+  ReferenceMap map = MapOf({PointAt(50, 40, 2)});
+  const auto see = [&map](bool new_view) {
+    map.Observe(SurfaceWith({{50.8F, 40}}), map.Project(Rigid3(), nullptr), {Rigid3(), Sideways(), 0, new_view});
+    return map.Project(Rigid3(), nullptr)[0].u;
+  };
+  const float sigma_px = map.AllPoints()[0].sigma_px;
+  EXPECT_NEAR(see(false), 50, 1e-3);
+  EXPECT_GT(see(true), 50.05);
+  EXPECT_LT(map.AllPoints()[0].sigma_px, sigma_px);
+  for (int k = 0; k < 20; ++k) see(true);
+  EXPECT_NEAR(map.Project(Rigid3(), nullptr)[0].u, 50.8, 0.15);
+}
+
+TEST(ReferenceMap, LeavesPointsWhereTheyAreWhenRefiningThemIsSwitchedOff) {
+  MappingIdeas ideas;
+  ideas.refine_points = false;
+  ReferenceMap map = MapOf({PointAt(50, 40, 2)}, 2000, ideas);
+  map.Observe(SurfaceWith({{50.8F, 40}}), map.Project(Rigid3(), nullptr), {Rigid3(), Sideways(), 0, true});
+  EXPECT_NEAR(map.Project(Rigid3(), nullptr)[0].u, 50, 1e-3);
 }
 
 TEST(ReferenceMap, DoesNotJudgePointsWhoseMotionMakesNoEvents) {
   ReferenceMap map = MapOf({PointAt(50, 40, 2), PointAt(100, 40, 2)});
   for (int k = 0; k < 50; ++k) {
-    map.UpdateSupport(SurfaceWith({}), map.Project(Rigid3(), nullptr), Vector6d::Unit(1));  // along the edges
-    map.UpdateSupport(SurfaceWith({}), map.Project(Rigid3(), nullptr), Vector6d::Zero());
+    Observe(&map, SurfaceWith({}), Vector6d::Unit(1));  // along the edges
+    Observe(&map, SurfaceWith({}), Vector6d::Zero());
   }
   EXPECT_THAT(map.AllPoints(), SizeIs(2));
 }
@@ -160,7 +187,7 @@ TEST(ReferenceMap, LetsGoOfTheMemoryOfPointsThatItDrops) {
   ReferenceMap map = MapOf(points, 1000);
   EXPECT_EQ(map.references()[0].points.capacity(), points.size());
   const std::vector<Eigen::Vector2f> seen = {{35, 35}, {37, 35}, {39, 35}};
-  for (int k = 0; k < 10; ++k) map.UpdateSupport(SurfaceWith(seen), map.Project(Rigid3(), nullptr), Sideways());
+  for (int k = 0; k < 10; ++k) Observe(&map, SurfaceWith(seen), Sideways());
   const auto& reference = map.references()[0];
   ASSERT_LT(reference.points.size(), 10U);
   EXPECT_LT(reference.points.capacity(), 20U);
@@ -205,7 +232,7 @@ TEST(ReferenceMap, PrefersPointsThatProvedThemselves) {
   for (const auto& point : map.Project(Rigid3(), nullptr)) {
     if (point.u < 44) seen.emplace_back(point.u, point.v);
   }
-  for (int k = 0; k < 5; ++k) map.UpdateSupport(SurfaceWith(seen), map.Project(Rigid3(), nullptr), Sideways());
+  for (int k = 0; k < 5; ++k) Observe(&map, SurfaceWith(seen), Sideways());
   const auto selected = map.Select(map.Project(Rigid3(), nullptr), Rigid3());
   const auto left = std::count_if(selected.begin(), selected.end(), [](const MapPoint& point) {
     return TestCamera().Project(point.p_ref.cast<double>())->x() < 46;
@@ -262,7 +289,7 @@ TEST(ReferenceMap, ForgetsTheReferenceThatWasOutOfViewForLongestWhenItIsFull) {
   Surface surface;
   surface.image = cv::Mat1b(80, 100, std::uint8_t{0});
   surface.nearest_edge = cv::Mat1i(80, 100, std::int32_t{Surface::kNoEdge});
-  map.UpdateSupport(surface, map.Project(Rigid3(), nullptr), Vector6d::Zero());
+  Observe(&map, surface, Vector6d::Zero());
   const int newest = map.Add(2, Rigid3::Translation({20, 0, 0}), points(0));
   ASSERT_EQ(map.references().size(), 2U) << "without " << forgotten;
   EXPECT_EQ(map.references()[0].id, seen_again);

@@ -17,7 +17,7 @@ struct MapPoint {
   Eigen::Vector3f normal_ref = Eigen::Vector3f::Zero();  ///< unit vector across the edge, parallel to the image
                                                          ///< plane of the view that made the point; 0: unknown
   float sign = 0;                                        ///< +1: brighter along normal_ref, -1: darker, 0 unknown
-  float sigma_px = 1;  ///< standard deviation across the edge, px in the view that made it
+  float sigma_px = 0;  ///< standard deviation across the edge, px in the view that made it
   int reference = 0;   ///< id of the reference that made the point
 };
 

@@ -89,7 +89,12 @@ class Mapper {
   void AlignDepth(const DepthImage& depth);
   bool Process(const DepthImage& depth, const SurfacePtr& surface);
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
+  /// The map's points in a surface: which ones meet edges, and where. Returns those that are visible.
+  std::vector<ReferenceMap::Visible> Observe(const Surface& surface, const Rigid3& T_world_event);
+  /// The newest surface, where depth images come too seldom for the map to be observed with them alone.
+  void ObserveBetweenDepths();
   bool MovedSinceReference(const Rigid3& T_world_event) const;
+  double SceneDepth_m() const;  // median; a guess before it is known
   bool ViewMoved() const;
   /// Returns whether there were enough edges with depth for it.
   bool BeginChapter(const Surface& surface, const Rigid3& T_world_event);
@@ -115,6 +120,8 @@ class Mapper {
   bool trackable_ = false, begin_chapter_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
+  Rigid3 T_world_refined_;                          // view that refined the map last
+  std::int64_t observed_ns_ = 0;                    // time of the last surface in which the map was observed
   bool options_changed_ = false;                    // since the last local map
   int local_maps_ = 0;
   SceneDepth scene_depth_;

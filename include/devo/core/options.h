@@ -22,6 +22,7 @@ struct MappingIdeas {
   bool flying_pixels = true;
   bool surrounded_depth = true;
   bool drop_points = true;
+  bool refine_points = true;
   bool spread_points = true;
 };
 
@@ -106,6 +107,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "an edge with readings on one side only gets depth where they are near; false: always");
   visit("ablation.drop_points", mapping.drop_points,
         "points that seldom meet an edge where they should are dropped; false: kept");
+  visit("ablation.refine_points", mapping.refine_points,
+        "points move towards the edges that they meet in other views; false: they stay as they were first seen");
   visit("ablation.spread_points", mapping.spread_points,
         "tracked points are spread over the image; false: drawn from all of it alike");
   auto& tracking = o.tracking.ideas;

@@ -13,6 +13,7 @@
 #include "devo/core/camera.h"
 #include "devo/core/local_map.h"
 #include "devo/core/options.h"
+#include "devo/core/point_filter.h"
 #include "devo/core/rigid3.h"
 #include "devo/core/surface.h"
 
@@ -47,9 +48,19 @@ class ReferenceMap {
   /// For each edge of a surface, whether a visible point explains it: within 2 px and of similar direction.
   std::vector<bool> ExplainedEdges(const Surface& surface, const std::vector<Visible>& visible) const;
 
-  /// Remembers how often each visible point met an edge when its motion should have made one, and drops
-  /// points that almost never do (noise, moving things, wrong depth).
-  void UpdateSupport(const Surface& surface, const std::vector<Visible>& visible, const Vector6d& velocity_event);
+  /// The moment of a surface.
+  struct Moment {
+    Rigid3 T_world_event;
+    Vector6d velocity_event;  ///< [v; omega], m/s and rad/s
+    double edge_lag_px;       ///< SurfaceOptions::edge_lag_px
+    bool new_view;            ///< has the camera moved since the points were refined last?
+  };
+  /// Remembers how often each visible point met an edge when its motion should have made one and, from a new view,
+  /// moves it a little towards the edge that it met.
+  void Observe(const Surface& surface, const std::vector<Visible>& visible, const Moment& moment);
+
+  /// Drops points that almost never met an edge (noise, moving things, wrong depth).
+  void DropUnproven();
 
   /// Adds a reference with `points` in its own frame. Returns its id. Beyond max_map_points, references that were out
   /// of view for longest are forgotten.
@@ -75,10 +86,11 @@ class ReferenceMap {
     Rigid3 T_world_ref;
     std::vector<MapPoint> points;      // frame `ref`
     std::vector<float> expected, met;  // support of each point
+    std::vector<PointCovariance> covariances;
     Eigen::Vector3f center_ref;        // sphere around the points
     float radius_m;
     int chapter;
-    std::uint64_t last_seen;  // in which call of UpdateSupport or Add
+    std::uint64_t last_seen;  // in which call of Observe or Add
   };
   const std::vector<Reference>& references() const { return references_; }
   bool empty() const { return references_.empty(); }
@@ -96,7 +108,7 @@ class ReferenceMap {
   MappingOptions options_;
   std::vector<Reference> references_;
   int next_id_ = 0, chapter_ = 0, last_chapter_ = 0;
-  std::uint64_t calls_ = 0;
+  std::uint64_t calls_ = 0, dropped_at_ = 0;
 };
 
 }  // namespace devo

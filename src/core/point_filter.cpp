@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/point_filter.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace devo {
+namespace {
+
+// Of a new point: half a pixel, and what a depth camera gets wrong at edges.
+constexpr float kNewAcross_px = 0.5F, kNewDepthShare = 0.01F;
+// Of an edge in another view, the error of that view's pose included.
+constexpr float kSighting_px = 0.87F;
+
+}  // namespace
+
+PointCovariance CovarianceOfNewPoint() {
+  return {kNewAcross_px * kNewAcross_px, 0, kNewDepthShare * kNewDepthShare};
+}
+
+float SigmaAcross(const PointCovariance& covariance) { return std::sqrt(covariance.across); }
+
+void RefinePoint(const PointSighting& s, const Camera& camera, MapPoint* point, PointCovariance* covariance) {
+  const auto fx = static_cast<float>(camera.fx()), fy = static_cast<float>(camera.fy());
+  // What a pixel across the edge is there, and all of the depth.
+  const Eigen::Vector3f across_ref = point->normal_ref * (point->p_ref.z() / fx), depth_ref = point->p_ref;
+  const auto image_along_normal = [&](const Eigen::Vector3f& move_ref) {
+    const Eigen::Vector3f move = s.R_event_ref * move_ref;
+    const float inverse_z = 1 / s.p_event.z();
+    return inverse_z * (s.normal.x() * fx * (move.x() - s.p_event.x() * inverse_z * move.z()) +
+                        s.normal.y() * fy * (move.y() - s.p_event.y() * inverse_z * move.z()));
+  };
+  const float h_across = image_along_normal(across_ref), h_depth = image_along_normal(depth_ref);
+  PointCovariance& P = *covariance;
+  const float across_image = P.across * h_across + P.across_depth * h_depth;
+  const float depth_image = P.across_depth * h_across + P.depth * h_depth;
+  const float variance =
+      h_across * across_image + h_depth * depth_image + kSighting_px * kSighting_px / std::max(s.weight, 1e-6F);
+  const float gain_across = across_image / variance, gain_depth = depth_image / variance;
+  point->p_ref -= s.distance_px * (gain_across * across_ref + gain_depth * depth_ref);
+  P.across -= gain_across * across_image;
+  P.across_depth -= gain_across * depth_image;
+  P.depth -= gain_depth * depth_image;
+}
+
+}  // namespace devo

@@ -59,6 +59,16 @@ TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   EXPECT_EQ(keyframes.size(), before);
 }
 
+TEST(DepthKeyframes, AViewNearItsKeyframeIsKnownBetterThanOneFartherOff) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+  const auto near = keyframes.Align(ImageAt(Turned(0.01)), ViewAt(Turned(0.01)));
+  const auto far = keyframes.Align(ImageAt(Turned(0.15)), ViewAt(Turned(0.15)));
+  ASSERT_TRUE(near && far);
+  EXPECT_EQ(keyframes.size(), 1U);
+  EXPECT_GT(near->information.trace(), 2 * far->information.trace());
+}
+
 TEST(DepthKeyframes, AWallTellsNothingOfTheDirectionsAlongIt) {
   for (const DepthScene scene : {DepthScene::kWall, DepthScene::kRoom}) {
     DepthKeyframes keyframes(DepthRig());

@@ -279,6 +279,8 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
   return inertial.has_value();
 }
 
+bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit().gyroscope); }
+
 bool Tracker::EventsEndedSuddenly() const {
   return !activity_hz_.empty() && activity_hz_.front() > kSuddenFactor * options_.surface.still_activity_hz &&
          activity_hz_.front() > kSuddenShare * usual_activity_hz_;
@@ -305,7 +307,7 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
 
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   if (suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  if (FitsNotAtAll(motion_.inertial_fit().gyroscope) || !Advance(t_ns, &motion_)) motion_.Coast(t_ns);
+  if (!InertialFits() || !Advance(t_ns, &motion_)) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
 }
@@ -333,14 +335,17 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  const bool search = unsure_ || (suspicious && (coasted_ || suspicious_in_a_row_ % search_every == search_every - 1));
+  // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
+  const bool bridged = inertial_prior_ && !coasted_ && !IsBad(result.inlier_share) && InertialFits();
+  const bool in_turn = coasted_ || suspicious_in_a_row_ % search_every == search_every - 1;
+  const bool search = unsure_ || (suspicious && !bridged && in_turn);
   unsure_ = false;
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
-  } else if (inertial_prior_ && IsBad(result.inlier_share) && !FitsNotAtAll(motion_.inertial_fit().gyroscope)) {
+  } else if (inertial_prior_ && IsBad(result.inlier_share) && InertialFits()) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).

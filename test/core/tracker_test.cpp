@@ -327,6 +327,33 @@ TEST(Tracker, GoesOnWithTheInertialSensorThroughAViewThatTheMapDoesNotHaveYet) {
   EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
 }
 
+/// A third of what a camera at the pose sees of the map, and all of it as if from elsewhere.
+Surface SeenBesideALookalike(std::int64_t t_ns, const Rigid3& T_world_event, const Rigid3& T_world_elsewhere) {
+  std::vector<MapPoint> third = Map()->points;
+  third.resize(third.size() / 3);
+  Surface surface = Seen(t_ns, T_world_elsewhere);
+  const Surface there = SegmentsSeen(third, T_world_event.inverse());
+  surface.edges.insert(surface.edges.end(), there.edges.begin(), there.edges.end());
+  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
+  return surface;
+}
+
+TEST(Tracker, DoesNotLeaveAnInertialSensorsPoseForALookalikeThatMatchesMore) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  const Rigid3 aside = Rigid3::Translation({0.08, 0, 0});
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 60; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+    pose = tracker.Track(k <= 50 ? Seen(t_ns, TrueAt(t_ns))
+                                 : SeenBesideALookalike(t_ns, TrueAt(t_ns), TrueAt(t_ns) * aside));
+    ASSERT_TRUE(pose);
+    EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 0.01) << k;
+  }
+  EXPECT_LT(pose->inlier_share, 0.7);
+}
+
 TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
   const auto tracker = Moving();
   std::optional<PoseEstimate> pose;

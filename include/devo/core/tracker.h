@@ -77,6 +77,7 @@ class Tracker {
   bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
+  bool InertialFits() const;  // as far as is known
   bool EventsEndedSuddenly() const;
   /// With the inertial sensor's readings, where there are any.
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;

@@ -10,9 +10,10 @@ namespace {
 
 constexpr double kMinSpan_s = 0.5, kMaxSpan_s = 1.2;  // one of 1 s at all rates from 1 Hz
 // Of a squared difference over its expectation where what is stated of the poses is right: both are stated cautiously.
-constexpr double kUsual = 0.33;
+constexpr double kUsual = 0.48;
 // Errors are alike for tenths of a second: it takes some of them to know.
 constexpr double kForgets_s = 3;
+constexpr double kPrior_s = 0.2;  // of it are as stated
 constexpr double kMinScale = 0.05, kMaxScale = 25;
 
 }  // namespace
@@ -25,7 +26,7 @@ void ErrorScale::Note(std::int64_t t_ns, const Vector6d& apart, const Matrix6d& 
   const Vector6d came_apart = apart - past_.front().apart;
   const double square = NormalisedSquare(came_apart, stated) / (2 * 6);
   known_s_ += since_s;
-  const double share = since_s / std::min(known_s_ + kForgets_s / 4, kForgets_s);
+  const double share = since_s / std::min(known_s_ + kPrior_s, kForgets_s);
   scale_ += std::min(1.0, share) * (std::min(square / kUsual, kMaxScale) - scale_);
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstring>
 #include <numeric>
+#include <optional>
 
 #include "devo/core/alignment_problem.h"
 #include "devo/core/edge_lag.h"
@@ -78,6 +79,36 @@ std::uint64_t FiveBytes() {
   std::uint64_t word;
   std::memcpy(&word, kBytes.data(), sizeof(word));
   return word;
+}
+
+/// An edge that a point meets.
+struct Meeting {
+  EdgePoint edge;
+  float cosine;       // of the normals
+  float distance_px;  // from the edge to the point
+};
+
+std::optional<Meeting> Meet(const Surface& surface, const ReferenceMap::Visible& point) {
+  const int id = surface.NearestEdge(static_cast<int>(point.u + 0.5F), static_cast<int>(point.v + 0.5F));
+  if (id < 0) return std::nullopt;
+  const EdgePoint& edge = surface.edges[id];
+  const float cosine = point.normal_x * edge.nx + point.normal_y * edge.ny;
+  const float distance_px = edge.nx * (point.u - edge.x) + edge.ny * (point.v - edge.y);
+  if (std::abs(cosine) < kMinNormalCosine || std::abs(distance_px) >= kSupportDistance_px) return std::nullopt;
+  return Meeting{edge, cosine, distance_px};
+}
+
+PointSighting Sighting(const ReferenceMap::Visible& point, const Meeting& meeting, const Eigen::Matrix3f& R_event_ref,
+                       float lag_strength, float weight) {
+  const float lag = EdgeLagPx(lag_strength, meeting.edge.strength);
+  const float share = meeting.distance_px / kSupportDistance_px, likely = (1 - share * share) * (1 - share * share);
+  PointSighting sighting;
+  sighting.R_event_ref = R_event_ref;
+  sighting.p_event = point.p_event;
+  sighting.normal = {meeting.edge.nx, meeting.edge.ny};
+  sighting.distance_px = meeting.distance_px - (meeting.cosine < 0 ? -lag : lag);
+  sighting.weight = weight * likely;
+  return sighting;
 }
 
 }  // namespace
@@ -236,26 +267,15 @@ void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& v
     const float weight = VisibilityOfMotion(across_px);
     if (weight < 0.5F) continue;
     reference.expected[point.point] += weight;
-    const int id = surface.NearestEdge(static_cast<int>(point.u + 0.5F), static_cast<int>(point.v + 0.5F));
-    if (id < 0) continue;
-    const EdgePoint& edge = surface.edges[id];
-    const float cosine = point.normal_x * edge.nx + point.normal_y * edge.ny;
-    if (std::abs(cosine) < kMinNormalCosine) continue;
-    const float distance = edge.nx * (point.u - edge.x) + edge.ny * (point.v - edge.y);
-    if (std::abs(distance) >= kSupportDistance_px) continue;
+    const auto meeting = Meet(surface, point);
+    if (!meeting) continue;
     reference.met[point.point] += weight;
     if (!refine) continue;
-    const float share = distance / kSupportDistance_px, likely = (1 - share * share) * (1 - share * share);
-    const float lag = EdgeLagPx(LagStrength(across_px, 0, static_cast<float>(moment.edge_lag_px)), edge.strength);
-    MapPoint& refined = reference.points[point.point];
+    const float lag_strength = LagStrength(across_px, 0, static_cast<float>(moment.edge_lag_px));
     PointCovariance& covariance = reference.covariances[point.point];
-    RefinePoint({R_event_ref[point.reference],
-                 point.p_event,
-                 {edge.nx, edge.ny},
-                 distance - (cosine < 0 ? -lag : lag),
-                 weight * likely},
-                camera_, &refined, &covariance);
-    refined.sigma_px = SigmaAcross(covariance);
+    RefinePoint(Sighting(point, *meeting, R_event_ref[point.reference], lag_strength, weight), camera_,
+                &reference.points[point.point], &covariance);
+    reference.points[point.point].sigma_px = SigmaAcross(covariance);
   }
 }
 

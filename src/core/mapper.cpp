@@ -226,7 +226,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
 std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const Rigid3& T_world_event) {
   auto visible = map_.Project(T_world_event, occluder_ ? &*occluder_ : nullptr);
   const Rigid3 moved = T_world_refined_.inverse() * T_world_event;
-  const bool new_view = moved.translation().norm() / SceneDepth_m() + RotationAngle(moved) > kNewView;
+  const bool new_view = moved.translation().norm() / MedianDepth() + RotationAngle(moved) > kNewView;
   if (new_view) T_world_refined_ = T_world_event;
   map_.Observe(surface, visible, {T_world_event, velocity_, options_.surface.edge_lag_px, new_view});
   observed_ns_ = surface.t_edges_ns;
@@ -307,13 +307,13 @@ MapPoint Mapper::MakePoint(const EdgePoint& edge, float z_m, double window_s) co
   return point;
 }
 
-double Mapper::SceneDepth_m() const { return scene_depth_.median_m > 0 ? scene_depth_.median_m : 1.0; }
+double Mapper::MedianDepth() const { return scene_depth_.median_m > 0 ? scene_depth_.median_m : 1.0; }
 
 bool Mapper::ViewMoved() const {
   if (!options_.mapping.reuse_references || map_.empty() || !T_world_local_ || poses_.empty() || !trackable_)
     return false;
   const Rigid3 T_local_event = T_world_local_->inverse() * poses_.last();
-  return T_local_event.translation().norm() > kViewShare * SceneDepth_m() ||
+  return T_local_event.translation().norm() > kViewShare * MedianDepth() ||
          RotationAngle(T_local_event) > kViewAngle_rad;
 }
 

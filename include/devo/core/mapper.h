@@ -94,7 +94,7 @@ class Mapper {
   /// The newest surface, where depth images come too seldom for the map to be observed with them alone.
   void ObserveBetweenDepths();
   bool MovedSinceReference(const Rigid3& T_world_event) const;
-  double SceneDepth_m() const;  // median; a guess before it is known
+  double MedianDepth() const;  // m; a guess before it is known
   bool ViewMoved() const;
   /// Returns whether there were enough edges with depth for it.
   bool BeginChapter(const Surface& surface, const Rigid3& T_world_event);

@@ -21,6 +21,7 @@ import time
 import numpy as np
 import rosbag
 import rosgraph
+import rospkg
 import rospy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
@@ -200,6 +201,10 @@ def main():
     parser.add_argument('--set', default='', help='key=value overrides, separated by spaces')
     parser.add_argument('--prefix', default='', help="before the manager's command, such as 'nice -n -5'")
     arguments = parser.parse_args()
+    try:
+        rospkg.RosPack().get_path('devo')
+    except rospkg.ResourceNotFound:
+        sys.exit('package devo is not in ROS_PACKAGE_PATH, where nodelets are sought: source devel/setup.bash first')
     os.environ.update(ROS_MASTER_URI=f'http://localhost:{arguments.port}', ROS_HOSTNAME='localhost')
     configs = [os.path.abspath(path) for path in arguments.config]
 

@@ -57,8 +57,8 @@ AlignmentProblem::Sample AlignmentProblem::SampleNearestEdge(const AlignmentPoin
   if (known && std::abs(cosine) < kMinNormalCosine) return {};
   // A match whose polarity speaks clearly against the expected one is another edge.
   if (point.polarity * edge.polarity < -kClearPolarity) return {};
-  const float lag = EdgeLagPx(point.lag_strength, edge.strength);
-  const float distance = edge.nx * (u - edge.x) + edge.ny * (v - edge.y) - (cosine < 0 ? -lag : lag);
+  const float lag = EdgeLagAlongEdgePx(point.lag_strength, edge.strength, cosine);
+  const float distance = edge.nx * (u - edge.x) + edge.ny * (v - edge.y) - lag;
   return {std::abs(distance) < truncation_, distance, edge.nx, edge.ny};
 }
 

@@ -18,7 +18,7 @@ constexpr std::size_t kMaxKeyframes = 60;  // of about 150 kB
 // Cells share the errors of their surface; this many count as one measurement.
 constexpr double kCellsPerMeasurement = 10;
 // What a depth camera gets wrong alike everywhere (multipath, calibration), per metre of depth, and as a rotation. Most
-// of it is the same in two views that are near to each other, in shares of the depth and radians.
+// of it is the same in two views that are near to each other.
 constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
 constexpr double kOtherView = 0.3, kLeastBias = 0.1;
 constexpr double kKnown_m = 0.05;  // also in radians
@@ -83,8 +83,7 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   // (H^-1 + bias)^-1, where H may be singular.
   Vector6d bias;
   bias << Eigen::Vector3d::Constant(kBiasShare * keyframe.cells.median_m), Eigen::Vector3d::Constant(kBias_rad);
-  const Rigid3& T = match.result.T_ref_depth;
-  const double apart = T.translation().norm() / keyframe.cells.median_m + RotationAngle(T);
+  const double apart = ViewsApart(match.result.T_ref_depth, keyframe.cells.median_m);
   bias *= std::min(1.0, kLeastBias + apart / kOtherView);
   const Matrix6d B = bias.cwiseAbs2().cwiseInverse().asDiagonal();
   // Little by little, the events' errors would pass for knowledge in a direction that is left open.

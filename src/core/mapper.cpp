@@ -19,8 +19,7 @@ constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
 constexpr double kObserveEvery_s = 0.04;
-// Surfaces of views nearer to each other, in shares of the scene's depth and radians, have much of their errors in
-// common: one of them refines the map.
+// Surfaces of views nearer to each other have much of their errors in common: one of them refines the map.
 constexpr double kNewView = 0.01;
 
 /// With the camera and the pose of the depth images: those made of sweeps are in the undistorted event image.
@@ -225,8 +224,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
 
 std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const Rigid3& T_world_event) {
   auto visible = map_.Project(T_world_event, occluder_ ? &*occluder_ : nullptr);
-  const Rigid3 moved = T_world_refined_.inverse() * T_world_event;
-  const bool new_view = moved.translation().norm() / MedianDepth() + RotationAngle(moved) > kNewView;
+  const bool new_view = ViewsApart(T_world_refined_.inverse() * T_world_event, MedianDepth()) > kNewView;
   if (new_view) T_world_refined_ = T_world_event;
   map_.Observe(surface, visible, {T_world_event, velocity_, options_.surface.edge_lag_px, new_view});
   observed_ns_ = surface.t_edges_ns;

@@ -81,6 +81,15 @@ std::uint64_t FiveBytes() {
   return word;
 }
 
+/// A point in another frame, T_frame_ref, as well as it is known by now.
+MapPoint PointOf(const ReferenceMap::Reference& reference, std::size_t i, const Rigid3& T_frame_ref) {
+  MapPoint point = reference.points[i];
+  point.p_ref = (T_frame_ref * point.p_ref.cast<double>()).cast<float>();
+  point.normal_ref = (T_frame_ref.rotation() * point.normal_ref.cast<double>()).cast<float>();
+  point.sigma_px = SigmaAcross(reference.covariances[i]);
+  return point;
+}
+
 /// An edge that a point meets.
 struct Meeting {
   EdgePoint edge;
@@ -100,13 +109,12 @@ std::optional<Meeting> Meet(const Surface& surface, const ReferenceMap::Visible&
 
 PointSighting Sighting(const ReferenceMap::Visible& point, const Meeting& meeting, const Eigen::Matrix3f& R_event_ref,
                        float lag_strength, float weight) {
-  const float lag = EdgeLagPx(lag_strength, meeting.edge.strength);
   const float share = meeting.distance_px / kSupportDistance_px, likely = (1 - share * share) * (1 - share * share);
   PointSighting sighting;
   sighting.R_event_ref = R_event_ref;
   sighting.p_event = point.p_event;
   sighting.normal = {meeting.edge.nx, meeting.edge.ny};
-  sighting.distance_px = meeting.distance_px - (meeting.cosine < 0 ? -lag : lag);
+  sighting.distance_px = meeting.distance_px - EdgeLagAlongEdgePx(lag_strength, meeting.edge.strength, meeting.cosine);
   sighting.weight = weight * likely;
   return sighting;
 }
@@ -124,7 +132,6 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   reference.center_ref.setZero();
   for (MapPoint& point : points) {
     point.reference = reference.id;
-    point.sigma_px = SigmaAcross(CovarianceOfNewPoint());
     reference.center_ref += point.p_ref / static_cast<float>(points.size());
   }
   reference.radius_m = 0;
@@ -246,7 +253,8 @@ void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& v
   if (surface.nearest_edge.empty()) return;
   const bool refine = moment.new_view && options_.ideas.refine_points;
   std::vector<Eigen::Matrix3f> R_event_ref;
-  for (const Reference& reference : references_) {
+  for (std::size_t k = 0; refine && k < references_.size(); ++k) {
+    const Reference& reference = references_[k];
     const Eigen::Quaterniond q = moment.T_world_event.rotation().conjugate() * reference.T_world_ref.rotation();
     R_event_ref.push_back(q.toRotationMatrix().cast<float>());
   }
@@ -272,10 +280,8 @@ void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& v
     reference.met[point.point] += weight;
     if (!refine) continue;
     const float lag_strength = LagStrength(across_px, 0, static_cast<float>(moment.edge_lag_px));
-    PointCovariance& covariance = reference.covariances[point.point];
     RefinePoint(Sighting(point, *meeting, R_event_ref[point.reference], lag_strength, weight), camera_,
-                &reference.points[point.point], &covariance);
-    reference.points[point.point].sigma_px = SigmaAcross(covariance);
+                &reference.points[point.point], &reference.covariances[point.point]);
   }
 }
 
@@ -353,11 +359,7 @@ std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, 
     }
     for (auto i = first; i != last; ++i) {
       const Reference& reference = references_[visible[*i].reference];
-      const Rigid3& T = T_ref_own[visible[*i].reference];
-      MapPoint point = reference.points[visible[*i].point];
-      point.p_ref = (T * point.p_ref.cast<double>()).cast<float>();
-      point.normal_ref = (T.rotation() * point.normal_ref.cast<double>()).cast<float>();
-      selected.push_back(point);
+      selected.push_back(PointOf(reference, visible[*i].point, T_ref_own[visible[*i].reference]));
     }
   }
   // With more cells than the budget has points, even one per cell is too many.
@@ -372,10 +374,8 @@ std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, 
 std::vector<MapPoint> ReferenceMap::AllPoints() const {
   std::vector<MapPoint> all;
   for (const Reference& reference : references_) {
-    for (MapPoint point : reference.points) {
-      point.p_ref = (reference.T_world_ref * point.p_ref.cast<double>()).cast<float>();
-      point.normal_ref = (reference.T_world_ref.rotation() * point.normal_ref.cast<double>()).cast<float>();
-      all.push_back(point);
+    for (std::size_t i = 0; i < reference.points.size(); ++i) {
+      all.push_back(PointOf(reference, i, reference.T_world_ref));
     }
   }
   return all;

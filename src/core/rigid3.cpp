@@ -96,6 +96,10 @@ Vector6d Log(const Rigid3& T) {
   return xi;
 }
 
+double ViewsApart(const Rigid3& T_a_b, double depth_m) {
+  return T_a_b.translation().norm() / depth_m + RotationAngle(T_a_b);
+}
+
 double NormalisedSquare(const Vector6d& x, const Matrix6d& covariance) { return x.dot(covariance.ldlt().solve(x)); }
 
 Matrix6d Adjoint(const Rigid3& T) {

@@ -335,17 +335,17 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
+  const bool in_turn = suspicious_in_a_row_ % search_every == search_every - 1;
+  const bool inertial_fits = inertial_prior_ && InertialFits(), bad = IsBad(result.inlier_share);
   // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
-  const bool bridged = inertial_prior_ && !coasted_ && !IsBad(result.inlier_share) && InertialFits();
-  const bool in_turn = coasted_ || suspicious_in_a_row_ % search_every == search_every - 1;
-  const bool search = unsure_ || (suspicious && !bridged && in_turn);
+  const bool search = unsure_ || (suspicious && (coasted_ || (in_turn && (bad || !inertial_fits))));
   unsure_ = false;
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
-  } else if (inertial_prior_ && IsBad(result.inlier_share) && InertialFits()) {
+  } else if (inertial_fits && bad) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).

@@ -156,6 +156,11 @@ TEST_F(Rigid3Test, FromMatrixRejectsWhatIsNotARigidTransformationAndSaysWhy) {
   EXPECT_THAT(message(not_finite), testing::HasSubstr("not finite"));
 }
 
+TEST(Rigid3, ViewsAreApartByTheirShiftOverTheDepthAndTheirAngle) {
+  const Rigid3 T = Rigid3::Translation({0, 0.2, 0}) * Rigid3::Rotation(ExpSO3({0.1, 0, 0}));
+  EXPECT_NEAR(ViewsApart(T, 2), 0.2, 1e-9);
+}
+
 TEST(Rigid3, ThePerturbationOfOneStandardDeviationInEachDirectionHasANormalisedSquareOfSix) {
   Vector6d sigma;
   sigma << 1e-3, 2e-3, 0.1, 3e-4, 5, 0.02;

@@ -30,4 +30,10 @@ inline float EdgeLagPx(float lag_strength, float strength) {
   return strength > 0 ? std::clamp(lag_strength / strength, -kMaxEdgeLag_px, kMaxEdgeLag_px) : 0.0F;
 }
 
+/// The same along the edge's own normal, whose cosine with the normal that `lag_strength` is for is given.
+inline float EdgeLagAlongEdgePx(float lag_strength, float strength, float cosine) {
+  const float lag = EdgeLagPx(lag_strength, strength);
+  return cosine < 0 ? -lag : lag;
+}
+
 }  // namespace devo

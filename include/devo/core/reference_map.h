@@ -84,10 +84,10 @@ class ReferenceMap {
     int id;
     std::int64_t t_ns;
     Rigid3 T_world_ref;
-    std::vector<MapPoint> points;      // frame `ref`
+    std::vector<MapPoint> points;      // frame `ref`, sigma_px not filled in
     std::vector<float> expected, met;  // support of each point
     std::vector<PointCovariance> covariances;
-    Eigen::Vector3f center_ref;        // sphere around the points
+    Eigen::Vector3f center_ref;  // sphere around the points
     float radius_m;
     int chapter;
     std::uint64_t last_seen;  // in which call of Observe or Add

@@ -63,6 +63,9 @@ Vector6d Log(const Rigid3& T);
 /// Adjoint of T_a_b: Exp(Adjoint(T) * xi) * T = T * Exp(xi), for [rho; phi] ordering.
 Matrix6d Adjoint(const Rigid3& T);
 
+/// How far two views of a scene are apart: the shift, as a share of the scene's depth, plus the angle, rad.
+double ViewsApart(const Rigid3& T_a_b, double depth_m);
+
 /// x' C^-1 x of a perturbation and its covariance: 6 in the mean where that is honest (Mahalanobis).
 double NormalisedSquare(const Vector6d& x, const Matrix6d& covariance);
 

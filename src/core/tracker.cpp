@@ -50,8 +50,8 @@ constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
 constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1;  // also in rad/s
-// Slower than this, a camera whose events end stands.
-constexpr double kStopping_m_s = 0.05;
+// Slower than this, a camera whose events end stands. Also in rad/s.
+constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.03;
 constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
 
 bool IsBelow(const Vector6d& velocity, double limit) {
@@ -295,6 +295,9 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
+  // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
+  // inertial sensor has seen it slow down.
+  if (InertialFits() && Inertial(motion_, t_ns)) return !IsBelow(now.velocity_event, kInertialStopping_m_s);
   if (IsBelow(now.velocity_event, kSlow_m_s) && unseen_s > kMaxUnseen_s) return false;
   return MovesClearly(now);
 }

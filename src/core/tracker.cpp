@@ -52,19 +52,20 @@ constexpr double kMaxCoast_s = 1;
 constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1;  // also in rad/s
 // Slower than this, a camera whose events end stands. Also in rad/s.
 constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.03;
-constexpr double kClearlyMoving = 50;  // square of the velocity over its standard deviation
+// Square of the velocity over its standard deviation.
+constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15;
 
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
 }
 
-bool MovesClearly(const MotionFilter::Prediction& now) {
-  return NormalisedSquare(now.velocity_event, now.velocity_covariance) > kClearlyMoving;
+bool MovesClearly(const MotionFilter::Prediction& now, double least_square) {
+  return NormalisedSquare(now.velocity_event, now.velocity_covariance) > least_square;
 }
 
 /// Not about to stand, as far as is known.
 bool MayMove(const MotionFilter::Prediction& now) {
-  return !IsBelow(now.velocity_event, kStopping_m_s) || MovesClearly(now);
+  return !IsBelow(now.velocity_event, kStopping_m_s) || MovesClearly(now, kClearlyMoving);
 }
 
 }  // namespace
@@ -191,7 +192,8 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.epoch = surface.epoch;
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
-  const bool may_move = surface.still && unseen_s < kMaxCoast_s;
+  // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
+  const bool may_move = surface.still && !held_ && unseen_s < kMaxCoast_s;
   missing_ = may_move && (missing_ || EventsEndedSuddenly()) &&
              MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
@@ -295,11 +297,14 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
+  const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down.
-  if (InertialFits() && Inertial(motion_, t_ns)) return !IsBelow(now.velocity_event, kInertialStopping_m_s);
-  if (IsBelow(now.velocity_event, kSlow_m_s) && unseen_s > kMaxUnseen_s) return false;
-  return MovesClearly(now);
+  if (InertialFits() && Inertial(motion_, t_ns)) {
+    return MovesClearly(now, kInertialClearlyMoving) ||
+           (!unseen_long && !IsBelow(now.velocity_event, kInertialStopping_m_s));
+  }
+  return MovesClearly(now, kClearlyMoving) && !(unseen_long && IsBelow(now.velocity_event, kSlow_m_s));
 }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {

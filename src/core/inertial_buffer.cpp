@@ -30,6 +30,11 @@ void InertialBuffer::Add(const ImuSample& sample) {
   if (samples_.size() > kMaxSamples) samples_.pop_front();
 }
 
+std::optional<std::int64_t> InertialBuffer::begin_ns() const {
+  if (samples_.empty()) return std::nullopt;
+  return samples_.front().t_ns;
+}
+
 std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int64_t to_ns) const {
   if (samples_.empty() || to_ns <= from_ns || samples_.front().t_ns > from_ns ||
       samples_.back().t_ns + kMaxHold_ns < to_ns) {

@@ -85,13 +85,25 @@ void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const V
   }
   started_ = true;
   t_ns_ = t_ns;
-  T_world_event_ = T_world_event;
   velocity_ = velocity_event;
   acceleration_.setZero();
+  SetPoseAsAtStart(T_world_event);
+  SetMotion(Both(kStartSpeed_m_s, kStartTurn_rad_s));
+}
+
+void MotionFilter::SetPoseAsAtStart(const Rigid3& T_world_event) {
+  T_world_event_ = T_world_event;
   P_.topRows<6>().setZero();
   P_.leftCols<6>().setZero();
   P_.diagonal().head<6>() = Both(kStartSigma_m, kStartSigma_rad).cwiseAbs2();
-  SetMotion(Both(kStartSpeed_m_s, kStartTurn_rad_s));
+}
+
+void MotionFilter::Anchor(const Rigid3& T_world_event) {
+  const Eigen::Matrix3d R = (T_world_event.rotation() * T_world_event_.rotation().conjugate()).toRotationMatrix();
+  gravity_world_ = (R * gravity_world_).eval();
+  P_.middleRows<3>(kGravity) = (R * P_.middleRows<3>(kGravity)).eval();
+  P_.middleCols<3>(kGravity) = (P_.middleCols<3>(kGravity) * R.transpose()).eval();
+  SetPoseAsAtStart(T_world_event);
 }
 
 void MotionFilter::SetMotion(const Vector6d& sigma_velocity) {

@@ -55,6 +55,10 @@ constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.03;
 // Square of the velocity over its standard deviation.
 constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15;
 
+// From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
+constexpr double kLongestFromRest_s = 3;
+constexpr std::int64_t kRestStep_ns = 10'000'000;
+
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
 }
@@ -153,6 +157,7 @@ void Tracker::Reset() {
   held_ = coasting_ = false;
   T_world_by_depth_.reset();
   inertial_.Clear();
+  rest_.Clear();
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
   bad_in_a_row_ = suspicious_in_a_row_ = 0;
@@ -181,10 +186,13 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     Reset();
     epoch_ = surface.epoch;
   }
+  if (!motion_.started()) NoteRest(surface);
   if (!map_ || map_->epoch != surface.epoch) return std::nullopt;
   if (!motion_.started()) {
     BeginChapter(*map_);
-    if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
+    if (!StartFromRest()) {
+      if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
+    }
   }
 
   PoseEstimate pose;
@@ -216,6 +224,42 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.inertial_fit = motion_.inertial_fit();
   ContinueToNow(held_, &pose);
   return pose;
+}
+
+void Tracker::NoteRest(const Surface& surface) {
+  const bool quiet = surface.activity_hz < options_.surface.still_activity_hz;
+  // A camera that is at rest from the begin makes no event, and no surface, before it moves.
+  const auto begin_ns = inertial_.begin_ns();
+  if (!rest_.started() && quiet && begin_ns) rest_.Start(*begin_ns);
+  if (!rest_.started()) rest_.Start(surface.t_ns);
+  while (rest_.time_ns() < surface.t_ns) {
+    const std::int64_t t_ns = std::min(rest_.time_ns() + kRestStep_ns, surface.t_ns);
+    rest_.Note(t_ns, quiet, inertial_.Mean(rest_.time_ns(), t_ns));
+  }
+}
+
+bool Tracker::StartFromRest() {
+  const auto rest = rest_.last_rest();
+  if (!rest || SecondsFromNs(map_->t_ns - rest->end_ns) > kLongestFromRest_s) return false;
+  const auto force = inertial_.Mean(rest->begin_ns, std::min(rest->end_ns, map_->t_ns));
+  if (!force || !force->linear_acceleration) return false;
+  MotionFilter motion(options_.tracking);
+  motion.Start(rest->begin_ns, Rigid3());
+  motion.LearnGravity(*force->linear_acceleration, SecondsFromNs(rest->end_ns - rest->begin_ns));
+  while (motion.time_ns() < map_->t_ns) {
+    const std::int64_t t_ns = std::min(motion.time_ns() + kRestStep_ns, map_->t_ns);
+    const auto inertial = inertial_.Mean(motion.time_ns(), t_ns);
+    if (!inertial) return false;
+    if (t_ns <= rest->end_ns) {
+      motion.HoldStill(t_ns, inertial);
+    } else {
+      motion.Advance(t_ns, *inertial);
+    }
+  }
+  motion.Anchor(map_->T_world_ref);
+  motion_ = motion;
+  unsure_ = false;
+  return true;
 }
 
 void Tracker::NoteActivity(const Surface& surface) {

@@ -365,6 +365,27 @@ TEST(MotionFilter, LearnsItsBiasesAtRest) {
   EXPECT_EQ(filter.Predict(filter.time_ns()).velocity_event, Vector6d(Vector6d::Zero()));
 }
 
+TEST(MotionFilter, GoesOnAlikeInAnotherWorld) {
+  const Eigen::Vector3d force(0.5, -9.6, 1.5);
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, Rigid3());
+  filter.LearnGravity(force, 0.3);
+  for (int k = 1; k <= 30; ++k) filter.HoldStill(k * kPeriod_ns, InertialMean{{0.01, 0, 0}, force, {0.05, 0, 0}});
+  MotionFilter other = filter;
+  const Rigid3 T_other_event = Exp(Twist());
+  other.Anchor(T_other_event);
+  EXPECT_LT(Log(T_other_event.inverse() * other.pose()).norm(), 1e-12);
+  for (int k = 31; k <= 60; ++k) {
+    const InertialMean pushed{{0.21, 0.1, 0}, force + Eigen::Vector3d(1, 0, 0.5), {0.05, 0, 0}};
+    filter.Advance(k * kPeriod_ns, pushed);
+    other.Advance(k * kPeriod_ns, pushed);
+  }
+  EXPECT_GT(filter.pose().translation().norm(), 0.03);
+  EXPECT_LT(Log(filter.pose().inverse() * (T_other_event.inverse() * other.pose())).norm(), 2e-3);
+  EXPECT_LT((filter.velocity_covariance() - other.velocity_covariance()).norm(),
+            0.05 * filter.velocity_covariance().norm());
+}
+
 TEST(MotionFilter, HeldStillHasNoVelocityAndKeepsItsPose) {
   MotionFilter filter = Moving();
   const Rigid3 before = filter.pose();

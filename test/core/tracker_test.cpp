@@ -156,6 +156,48 @@ ImuSample Read(std::int64_t t_ns) {
   return sample;
 }
 
+/// What an inertial sensor in a camera that only moves along x reads.
+ImuSample ReadAlongX(std::int64_t t_ns, double acceleration_m_s2) {
+  ImuSample sample;
+  sample.t_ns = t_ns;
+  sample.angular_velocity.setZero();
+  sample.linear_acceleration = Eigen::Vector3d(acceleration_m_s2, -9.81, 0);
+  return sample;
+}
+
+TEST(Tracker, KnowsTheVelocityAtAFirstMapInMotionFromTheRestBefore) {
+  // At rest until 0.4 s, with hardly an event; the first map is made at 0.8 s, at 0.4 m/s.
+  constexpr int kRestEnds = 40, kMapAt = 80;
+  const auto at_m = [](double t_s) { return 0.5 * std::pow(std::max(0.0, t_s - 0.01 * kRestEnds), 2); };
+  for (const bool inertial : {false, true}) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= kMapAt + 10; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      for (int i = -4; i <= 0 && inertial; ++i) {
+        tracker.AddImu(ReadAlongX(t_ns + i * kPeriod_ns / 5, k > kRestEnds ? 1 : 0));
+      }
+      if (k == kMapAt + 1) {
+        auto map = std::make_shared<LocalMap>(*Map());
+        map->t_ns = kMapAt * kPeriod_ns;
+        tracker.SetMap(map);
+      }
+      // After the map nothing matches: the pose is what was known of the motion.
+      Surface surface = Still(t_ns);
+      surface.still = k <= kRestEnds;
+      surface.activity_hz = k <= kRestEnds ? 0.01 : 5;
+      pose = tracker.Track(surface);
+    }
+    ASSERT_TRUE(pose);
+    const double moved_m = at_m(0.01 * (kMapAt + 10)) - at_m(0.01 * kMapAt);  // 45 mm
+    if (inertial) {
+      EXPECT_LT(Log(Rigid3::Translation({-moved_m, 0, 0}) * pose->T_world_event).norm(), 4e-3);
+    } else {
+      EXPECT_LT(pose->T_world_event.translation().norm(), 5e-3);
+    }
+  }
+}
+
 TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMoment) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());
@@ -170,15 +212,6 @@ TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMo
   }
   ASSERT_TRUE(pose);
   EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 3e-3);  // held, it would be 3e-2
-}
-
-/// What an inertial sensor in a camera that only moves along x reads.
-ImuSample ReadAlongX(std::int64_t t_ns, double acceleration_m_s2) {
-  ImuSample sample;
-  sample.t_ns = t_ns;
-  sample.angular_velocity.setZero();
-  sample.linear_acceleration = Eigen::Vector3d(acceleration_m_s2, -9.81, 0);
-  return sample;
 }
 
 TEST(Tracker, TellsASlowMotionWithoutEventsFromAStopByTheInertialSensor) {

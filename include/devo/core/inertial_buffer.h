@@ -29,6 +29,9 @@ class InertialBuffer {
   /// events). Empty where the samples leave a part of the span open.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
 
+  /// Time of the oldest sample that is kept. Empty before the first.
+  std::optional<std::int64_t> begin_ns() const;
+
   struct Push {
     Eigen::Vector3d force;  ///< mean specific force, m/s^2, event frame at the end of the span
     double span_s;

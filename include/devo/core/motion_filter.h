@@ -32,6 +32,9 @@ class MotionFilter {
   /// pace and a slow turn), at a pose known to a millimetre and milliradian. What is known of gravity and biases stays.
   void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero());
 
+  /// The same moment in another world, in which the pose is as well known as at a start.
+  void Anchor(const Rigid3& T_world_event);
+
   struct Prediction {
     Rigid3 T_world_event;
     Vector6d velocity_event;       ///< [v; omega], m/s and rad/s
@@ -91,6 +94,7 @@ class MotionFilter {
     double sigma;
   };
 
+  void SetPoseAsAtStart(const Rigid3& T_world_event);
   void SetMotion(const Vector6d& sigma_velocity);
   /// Returns the derivative of the new state by the old one.
   Matrix Propagate(double dt_s);

@@ -19,6 +19,7 @@
 #include "devo/core/pose_estimate.h"
 #include "devo/core/pose_history.h"
 #include "devo/core/relocalizer.h"
+#include "devo/core/rest_detector.h"
 #include "devo/core/surface.h"
 
 namespace devo {
@@ -58,6 +59,10 @@ class Tracker {
 
  private:
   /// At the pose of its first map; how fast the camera moves is not known.
+  void NoteRest(const Surface& surface);
+  /// Starts the filter at the first map, with what the inertial sensor read since the camera last stood still. False
+  /// where it did not, or not all of it was read.
+  bool StartFromRest();
   void BeginChapter(const LocalMap& map);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);
@@ -96,6 +101,7 @@ class Tracker {
   LocalMapPtr map_;
   MotionFilter motion_;
   InertialBuffer inertial_;
+  RestDetector rest_;  // until tracking starts
   PoseHistory history_;
   DepthFusion depth_fusion_;
   bool held_ = false, coasting_ = false;    // at the last surface: the camera stood still; events were missing

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// When a camera that is not tracked yet last stood still: then an inertial sensor reads gravity and its own biases, and
+// from there it knows the velocity.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "devo/core/inertial_buffer.h"
+
+namespace devo {
+
+/// Not thread-safe.
+class RestDetector {
+ public:
+  struct Span {
+    std::int64_t begin_ns, end_ns;
+  };
+
+  void Start(std::int64_t t_ns);
+  bool started() const { return started_; }
+  std::int64_t time_ns() const { return t_ns_; }  ///< until which it was told of
+
+  /// In the order of their time: a span that began where the last one ended, whether hardly any events came in it, and
+  /// what an inertial sensor read. Neither tells a rest alone: a slow motion may make no events, and a steady one reads
+  /// as none.
+  void Note(std::int64_t t_ns, bool quiet, const std::optional<InertialMean>& inertial);
+
+  /// The end of the last rest that was long enough to know it by. Empty before the first.
+  std::optional<Span> last_rest() const { return last_; }
+
+  void Clear();
+
+ private:
+  bool IsAsBefore(const InertialMean& inertial) const;
+
+  bool started_ = false;
+  std::int64_t t_ns_ = 0, begin_ns_ = 0;
+  int count_ = 0;  // of the readings of the rest that goes on
+  Eigen::Vector3d mean_turn_ = Eigen::Vector3d::Zero(), mean_force_ = Eigen::Vector3d::Zero();
+  std::optional<Span> last_;
+};
+
+}  // namespace devo

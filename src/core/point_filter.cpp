@@ -14,23 +14,17 @@ constexpr float kSighting_px = 0.87F;
 
 }  // namespace
 
-PointCovariance CovarianceOfNewPoint() {
-  return {kNewAcross_px * kNewAcross_px, 0, kNewDepthShare * kNewDepthShare};
-}
+PointCovariance CovarianceOfNewPoint() { return {kNewAcross_px * kNewAcross_px, 0, kNewDepthShare * kNewDepthShare}; }
 
 float SigmaAcross(const PointCovariance& covariance) { return std::sqrt(covariance.across); }
 
 void RefinePoint(const PointSighting& s, const Camera& camera, MapPoint* point, PointCovariance* covariance) {
-  const auto fx = static_cast<float>(camera.fx()), fy = static_cast<float>(camera.fy());
   // What a pixel across the edge is there, and all of the depth.
-  const Eigen::Vector3f across_ref = point->normal_ref * (point->p_ref.z() / fx), depth_ref = point->p_ref;
-  const auto image_along_normal = [&](const Eigen::Vector3f& move_ref) {
-    const Eigen::Vector3f move = s.R_event_ref * move_ref;
-    const float inverse_z = 1 / s.p_event.z();
-    return inverse_z * (s.normal.x() * fx * (move.x() - s.p_event.x() * inverse_z * move.z()) +
-                        s.normal.y() * fy * (move.y() - s.p_event.y() * inverse_z * move.z()));
-  };
-  const float h_across = image_along_normal(across_ref), h_depth = image_along_normal(depth_ref);
+  const Eigen::Vector3f across_ref = point->normal_ref * (point->p_ref.z() / static_cast<float>(camera.fx()));
+  const Eigen::Vector3f depth_ref = point->p_ref;
+  // A point moves through the image as it does when the camera moves the other way.
+  const Eigen::Vector3f px_per_m_ref = -s.R_event_ref.transpose() * s.px_per_motion.head<3>();
+  const float h_across = px_per_m_ref.dot(across_ref), h_depth = px_per_m_ref.dot(depth_ref);
   PointCovariance& P = *covariance;
   const float across_image = P.across * h_across + P.across_depth * h_depth;
   const float depth_image = P.across_depth * h_across + P.depth * h_depth;

@@ -107,13 +107,11 @@ std::optional<Meeting> Meet(const Surface& surface, const ReferenceMap::Visible&
   return Meeting{edge, cosine, distance_px};
 }
 
-PointSighting Sighting(const ReferenceMap::Visible& point, const Meeting& meeting, const Eigen::Matrix3f& R_event_ref,
+PointSighting Sighting(const ReferenceMap::Visible& point, const Meeting& meeting, const Camera& camera,
                        float lag_strength, float weight) {
   const float share = meeting.distance_px / kSupportDistance_px, likely = (1 - share * share) * (1 - share * share);
   PointSighting sighting;
-  sighting.R_event_ref = R_event_ref;
-  sighting.p_event = point.p_event;
-  sighting.normal = {meeting.edge.nx, meeting.edge.ny};
+  sighting.px_per_motion = ImageVelocityAlong({meeting.edge.nx, meeting.edge.ny}, point.p_event, camera);
   sighting.distance_px = meeting.distance_px - EdgeLagAlongEdgePx(lag_strength, meeting.edge.strength, meeting.cosine);
   sighting.weight = weight * likely;
   return sighting;
@@ -280,8 +278,9 @@ void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& v
     reference.met[point.point] += weight;
     if (!refine) continue;
     const float lag_strength = LagStrength(across_px, 0, static_cast<float>(moment.edge_lag_px));
-    RefinePoint(Sighting(point, *meeting, R_event_ref[point.reference], lag_strength, weight), camera_,
-                &reference.points[point.point], &reference.covariances[point.point]);
+    PointSighting sighting = Sighting(point, *meeting, camera_, lag_strength, weight);
+    sighting.R_event_ref = R_event_ref[point.reference];
+    RefinePoint(sighting, camera_, &reference.points[point.point], &reference.covariances[point.point]);
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "devo/core/edge_motion.h"
 #include "devo/core/rigid3.h"
 
 namespace devo {
@@ -27,8 +28,8 @@ PointSighting Sight(const MapPoint& point, const Eigen::Vector3f& truth, const R
   const auto image = [&](const Eigen::Vector3f& p) { return *camera.Project(T_event_ref * p.cast<double>()); };
   PointSighting s;
   s.R_event_ref = T_event_ref.rotation().toRotationMatrix().cast<float>();
-  s.p_event = (T_event_ref * point.p_ref.cast<double>()).cast<float>();
-  s.normal = Eigen::Vector2f::UnitX();
+  const Eigen::Vector3f p_event = (T_event_ref * point.p_ref.cast<double>()).cast<float>();
+  s.px_per_motion = ImageVelocityAlong(Eigen::Vector2f::UnitX(), p_event, camera);
   s.distance_px = static_cast<float>((image(point.p_ref) - image(truth)).x()) + noise_px;
   s.weight = 1;
   return s;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// How the position of a map point gets better with each view that sees its edge: a Kalman filter for each point (a depth
-// filter, as in Forster et al., "SVO", T-RO 2017, section V), of the two things that the view that made it left
+// How the position of a map point gets better with each view that sees its edge: a Kalman filter for each point (a
+// depth filter, as in Forster et al., "SVO", T-RO 2017, section V), of the two things that the view that made it left
 // uncertain. Along the edge nothing is ever measured, nor needed.
 #pragma once
 
@@ -28,10 +28,10 @@ float SigmaAcross(const PointCovariance& covariance);
 /// An edge that a point met in another view.
 struct PointSighting {
   Eigen::Matrix3f R_event_ref;  ///< from the view that made the point
-  Eigen::Vector3f p_event;      ///< the point in this view, m
-  Eigen::Vector2f normal;       ///< of the edge, unit
-  float distance_px;            ///< from the edge to the point's image, along `normal`
-  float weight;                 ///< 0..1; 1: as clear a match as there is
+  /// ImageVelocityAlong the edge's normal, of the point in this view.
+  Eigen::Matrix<float, 6, 1> px_per_motion;
+  float distance_px;  ///< from the edge to the point's image, along the normal
+  float weight;       ///< 0..1; 1: as clear a match as there is
 };
 
 /// Moves a point towards an edge that it met. Errors of different views are taken to be independent.

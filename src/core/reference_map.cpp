@@ -27,9 +27,7 @@ constexpr float kSupportDistance_px = 1.5F;
 constexpr int kSelectionCell_px = 32;
 constexpr std::size_t kAhead = 8;  // points: about the time that memory takes to answer
 
-float SupportOf(const ReferenceMap::Reference& reference, int point) {
-  return (reference.met[point] + 1) / (reference.expected[point] + 2);
-}
+float SupportOf(const ReferenceMap::Evidence& evidence) { return (evidence.met + 1) / (evidence.expected + 2); }
 
 bool SamePose(const Rigid3& a, const Rigid3& b) {
   return a.rotation().coeffs() == b.rotation().coeffs() && a.translation() == b.translation();
@@ -86,7 +84,7 @@ MapPoint PointOf(const ReferenceMap::Reference& reference, std::size_t i, const 
   MapPoint point = reference.points[i];
   point.p_ref = (T_frame_ref * point.p_ref.cast<double>()).cast<float>();
   point.normal_ref = (T_frame_ref.rotation() * point.normal_ref.cast<double>()).cast<float>();
-  point.sigma_px = SigmaAcross(reference.covariances[i]);
+  point.sigma_px = SigmaAcross(reference.evidence[i].covariance);
   return point;
 }
 
@@ -136,9 +134,7 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   for (const MapPoint& point : points) {
     reference.radius_m = std::max(reference.radius_m, (point.p_ref - reference.center_ref).norm());
   }
-  reference.expected.assign(points.size(), 0);
-  reference.met.assign(points.size(), 0);
-  reference.covariances.assign(points.size(), CovarianceOfNewPoint());
+  reference.evidence.assign(points.size(), Evidence());
   reference.points = std::move(points);
   reference.points.shrink_to_fit();
   reference.last_seen = ++calls_;
@@ -272,15 +268,16 @@ void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& v
     const float across_px = motion.x() * point.normal_x + motion.y() * point.normal_y;
     const float weight = VisibilityOfMotion(across_px);
     if (weight < 0.5F) continue;
-    reference.expected[point.point] += weight;
+    Evidence& evidence = reference.evidence[point.point];
+    evidence.expected += weight;
     const auto meeting = Meet(surface, point);
     if (!meeting) continue;
-    reference.met[point.point] += weight;
+    evidence.met += weight;
     if (!refine) continue;
     const float lag_strength = LagStrength(across_px, 0, static_cast<float>(moment.edge_lag_px));
     PointSighting sighting = Sighting(point, *meeting, camera_, lag_strength, weight);
     sighting.R_event_ref = R_event_ref[point.reference];
-    RefinePoint(sighting, camera_, &reference.points[point.point], &reference.covariances[point.point]);
+    RefinePoint(sighting, camera_, &reference.points[point.point], &evidence.covariance);
   }
 }
 
@@ -294,7 +291,8 @@ void ReferenceMap::DropUnproven() {
 
 void ReferenceMap::Prune(Reference* reference) {
   const auto refuted = [reference](std::size_t i) {
-    return reference->expected[i] > kJudgeAfter && reference->met[i] < kMinSupport * reference->expected[i];
+    const Evidence& evidence = reference->evidence[i];
+    return evidence.expected > kJudgeAfter && evidence.met < kMinSupport * evidence.expected;
   };
   std::size_t kept = 0;
   while (kept < reference->points.size() && !refuted(kept)) ++kept;
@@ -302,15 +300,11 @@ void ReferenceMap::Prune(Reference* reference) {
   for (std::size_t i = kept + 1; i < reference->points.size(); ++i) {
     if (refuted(i)) continue;
     reference->points[kept] = reference->points[i];
-    reference->expected[kept] = reference->expected[i];
-    reference->met[kept] = reference->met[i];
-    reference->covariances[kept] = reference->covariances[i];
+    reference->evidence[kept] = reference->evidence[i];
     ++kept;
   }
   Shorten(&reference->points, kept);
-  Shorten(&reference->expected, kept);
-  Shorten(&reference->met, kept);
-  Shorten(&reference->covariances, kept);
+  Shorten(&reference->evidence, kept);
 }
 
 std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const {
@@ -347,7 +341,7 @@ std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, 
       // one edge are not taken in a row.
       ranked.clear();
       for (auto i = first; i != last; ++i) {
-        const float support = SupportOf(references_[visible[*i].reference], visible[*i].point);
+        const float support = SupportOf(references_[visible[*i].reference].evidence[visible[*i].point]);
         const auto quarters = 4 - std::min(4U, static_cast<std::uint32_t>(support * 4));
         ranked.emplace_back(quarters << 24 | ((*i * 2654435761U) & 0xFFFFFFU), *i);
       }

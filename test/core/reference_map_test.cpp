@@ -191,7 +191,7 @@ TEST(ReferenceMap, LetsGoOfTheMemoryOfPointsThatItDrops) {
   const auto& reference = map.references()[0];
   ASSERT_LT(reference.points.size(), 10U);
   EXPECT_LT(reference.points.capacity(), 20U);
-  EXPECT_LT(reference.expected.capacity() + reference.met.capacity(), 40U);
+  EXPECT_LT(reference.evidence.capacity(), 20U);
 }
 
 TEST(ReferenceMap, SelectsNoMorePointsThanAllowedAndTakesThemFromTheCrowd) {

@@ -80,14 +80,18 @@ class ReferenceMap {
   /// All points, frame `world`.
   std::vector<MapPoint> AllPoints() const;
 
+  /// What the views of a point said of it.
+  struct Evidence {
+    float expected = 0, met = 0;  // how often it should have met an edge, and did
+    PointCovariance covariance = CovarianceOfNewPoint();
+  };
   struct Reference {
     int id;
     std::int64_t t_ns;
     Rigid3 T_world_ref;
-    std::vector<MapPoint> points;      // frame `ref`, sigma_px not filled in
-    std::vector<float> expected, met;  // support of each point
-    std::vector<PointCovariance> covariances;
-    Eigen::Vector3f center_ref;  // sphere around the points
+    std::vector<MapPoint> points;    // frame `ref`, sigma_px not filled in
+    std::vector<Evidence> evidence;  // of each point
+    Eigen::Vector3f center_ref;      // sphere around the points
     float radius_m;
     int chapter;
     std::uint64_t last_seen;  // in which call of Observe or Add

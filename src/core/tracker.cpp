@@ -57,7 +57,7 @@ constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15;
 
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
-constexpr std::int64_t kRestStep_ns = 10'000'000;
+constexpr std::int64_t kRestStep_ns = 10'000'000, kMaxInertialLatency_ns = 100'000'000;
 
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
@@ -234,7 +234,9 @@ void Tracker::NoteRest(const Surface& surface) {
   if (!rest_.started()) rest_.Start(surface.t_ns);
   while (rest_.time_ns() < surface.t_ns) {
     const std::int64_t t_ns = std::min(rest_.time_ns() + kRestStep_ns, surface.t_ns);
-    rest_.Note(t_ns, quiet, inertial_.Mean(rest_.time_ns(), t_ns));
+    const auto inertial = inertial_.Mean(rest_.time_ns(), t_ns);
+    if (quiet && !inertial && surface.t_ns - t_ns < kMaxInertialLatency_ns) break;  // its readings may still come
+    rest_.Note(t_ns, quiet, inertial);
   }
 }
 

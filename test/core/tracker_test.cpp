@@ -172,10 +172,14 @@ TEST(Tracker, KnowsTheVelocityAtAFirstMapInMotionFromTheRestBefore) {
   for (const bool inertial : {false, true}) {
     Tracker tracker(TestCamera(), OdometryOptions());
     std::optional<PoseEstimate> pose;
+    int read_until = 0;
     for (int k = 1; k <= kMapAt + 10; ++k) {
       const std::int64_t t_ns = k * kPeriod_ns;
-      for (int i = -4; i <= 0 && inertial; ++i) {
-        tracker.AddImu(ReadAlongX(t_ns + i * kPeriod_ns / 5, k > kRestEnds ? 1 : 0));
+      // In the rest, readings come 30 ms after the surfaces.
+      for (; inertial && read_until < (k <= kRestEnds ? k - 3 : k); ++read_until) {
+        for (int i = 1; i <= 5; ++i) {
+          tracker.AddImu(ReadAlongX(read_until * kPeriod_ns + i * kPeriod_ns / 5, read_until >= kRestEnds ? 1 : 0));
+        }
       }
       if (k == kMapAt + 1) {
         auto map = std::make_shared<LocalMap>(*Map());

@@ -242,7 +242,9 @@ void Tracker::NoteRest(const Surface& surface) {
 
 bool Tracker::StartFromRest() {
   const auto rest = rest_.last_rest();
-  if (!rest || SecondsFromNs(map_->t_ns - rest->end_ns) > kLongestFromRest_s) return false;
+  if (!options_.tracking.ideas.start_from_rest || !rest ||
+      SecondsFromNs(map_->t_ns - rest->end_ns) > kLongestFromRest_s)
+    return false;
   const auto force = inertial_.Mean(rest->begin_ns, std::min(rest->end_ns, map_->t_ns));
   if (!force || !force->linear_acceleration) return false;
   MotionFilter motion(options_.tracking);

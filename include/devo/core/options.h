@@ -34,6 +34,7 @@ struct TrackingIdeas {
   bool motion_prior = true;
   bool mean_velocity = true;
   bool search = true;
+  bool start_from_rest = true;
 };
 
 struct SurfaceOptions {
@@ -124,6 +125,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.mean_velocity", tracking.mean_velocity,
         "surfaces are compensated with the mean velocity of 40 ms; false: with the filter's newest");
   visit("ablation.search", tracking.search, "a better pose is sought when one matches less than usual; false: never");
+  visit("ablation.start_from_rest", tracking.start_from_rest,
+        "an inertial sensor gives a first map's velocity from the rest before it; false: gravity's direction alone");
 }
 
 /// Calls `visit(key, value&, min, max, meaning)` for numbers and `visit(key, string&, choices, meaning)` for

@@ -38,6 +38,10 @@ sequence table_mid_davis346 --scene table --speed mid --seed 1 --sensor davis346
 sequence table_slow_davis346 --scene table --speed slow --seed 1 --sensor davis346 --no-frames --duration 5
 sequence table_slow_davis240 --scene table --speed slow --seed 3 --sensor davis240 --depth-rate 15 --no-frames --duration 4
 sequence sofa_mid_davis240 --scene sofa --speed mid --seed 5 --sensor davis240 --no-frames --duration 4
+# Hardly an edge and hardly an event; abrupt stops.
+sequence sofa_slow_davis346 --scene sofa --speed slow --seed 26 --sensor davis346 --no-frames --duration 5
+sequence sofa_slow_davis240 --scene sofa --speed slow --seed 33 --sensor davis240 --no-frames --duration 4
+sequence table_faststop_davis346 --scene table --speed fast --seed 34 --stop 2 1 --stop 5 1 --sensor davis346 --no-frames --duration 8
 for motion in walk turn; do
   [ -e "$motion.txt" ] || "$source_dir/scripts/make_trajectory.py" "$motion" "$motion.txt"
 done

@@ -58,6 +58,7 @@ constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15;
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
 constexpr std::int64_t kRestStep_ns = 10'000'000, kMaxInertialLatency_ns = 100'000'000;
+constexpr std::int64_t kLongestRest_ns = 3'000'000'000, kUsedOfRest_ns = 1'000'000'000;
 
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
@@ -228,10 +229,11 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
 
 void Tracker::NoteRest(const Surface& surface) {
   const bool quiet = surface.activity_hz < options_.surface.still_activity_hz;
-  // A camera that is at rest from the begin makes no event, and no surface, before it moves.
-  const auto begin_ns = inertial_.begin_ns();
-  if (!rest_.started() && quiet && begin_ns) rest_.Start(*begin_ns);
-  if (!rest_.started()) rest_.Start(surface.t_ns);
+  // A camera at rest makes no events, and so no surfaces, until it moves.
+  if (!rest_.started() || surface.t_ns - rest_.time_ns() > kLongestRest_ns) {
+    const auto begin_ns = inertial_.begin_ns();
+    rest_.Start(quiet && begin_ns ? std::max(*begin_ns, surface.t_ns - kLongestRest_ns) : surface.t_ns);
+  }
   while (rest_.time_ns() < surface.t_ns) {
     const std::int64_t t_ns = std::min(rest_.time_ns() + kRestStep_ns, surface.t_ns);
     const auto inertial = inertial_.Mean(rest_.time_ns(), t_ns);
@@ -242,14 +244,14 @@ void Tracker::NoteRest(const Surface& surface) {
 
 bool Tracker::StartFromRest() {
   const auto rest = rest_.last_rest();
-  if (!options_.tracking.ideas.start_from_rest || !rest ||
-      SecondsFromNs(map_->t_ns - rest->end_ns) > kLongestFromRest_s)
-    return false;
-  const auto force = inertial_.Mean(rest->begin_ns, std::min(rest->end_ns, map_->t_ns));
+  if (!options_.tracking.ideas.start_from_rest || !rest) return false;
+  if (SecondsFromNs(map_->t_ns - rest->end_ns) > kLongestFromRest_s) return false;
+  const std::int64_t begin_ns = std::max(rest->begin_ns, rest->end_ns - kUsedOfRest_ns);
+  const auto force = inertial_.Mean(begin_ns, std::min(rest->end_ns, map_->t_ns));
   if (!force || !force->linear_acceleration) return false;
   MotionFilter motion(options_.tracking);
-  motion.Start(rest->begin_ns, Rigid3());
-  motion.LearnGravity(*force->linear_acceleration, SecondsFromNs(rest->end_ns - rest->begin_ns));
+  motion.Start(begin_ns, Rigid3());
+  motion.LearnGravity(*force->linear_acceleration, SecondsFromNs(rest->end_ns - begin_ns));
   while (motion.time_ns() < map_->t_ns) {
     const std::int64_t t_ns = std::min(motion.time_ns() + kRestStep_ns, map_->t_ns);
     const auto inertial = inertial_.Mean(motion.time_ns(), t_ns);

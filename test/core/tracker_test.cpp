@@ -166,8 +166,8 @@ ImuSample ReadAlongX(std::int64_t t_ns, double acceleration_m_s2) {
 }
 
 TEST(Tracker, KnowsTheVelocityAtAFirstMapInMotionFromTheRestBefore) {
-  // At rest until 0.4 s, with hardly an event; the first map is made at 0.8 s, at 0.4 m/s.
-  constexpr int kRestEnds = 40, kMapAt = 80;
+  // At rest for longer than readings are kept, with hardly an event; the first map is made 0.4 s later, at 0.4 m/s.
+  constexpr int kRestEnds = 1200, kMapAt = 1240;
   const auto at_m = [](double t_s) { return 0.5 * std::pow(std::max(0.0, t_s - 0.01 * kRestEnds), 2); };
   for (const bool from_rest : {false, true}) {
     OdometryOptions options;

@@ -58,11 +58,12 @@ class Tracker {
   void Reset();
 
  private:
-  /// At the pose of its first map; how fast the camera moves is not known.
+  /// Whether the camera stands still, before there is a map.
   void NoteRest(const Surface& surface);
-  /// Starts the filter at the first map, with what the inertial sensor read since the camera last stood still. False
+  /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
   bool StartFromRest();
+  /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);

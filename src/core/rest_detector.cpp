@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/rest_detector.h"
 
+#include <algorithm>
+
 #include "devo/core/time.h"
 
 namespace devo {
@@ -11,6 +13,9 @@ constexpr double kSteady_rad_s = 0.03, kSteady_m_s2 = 0.3;
 constexpr double kLeast_s = 0.15;
 // The first events of a motion come after it began.
 constexpr std::int64_t kLate_ns = 100'000'000;
+constexpr std::int64_t kStep_ns = 10'000'000;
+constexpr std::int64_t kMaxLatency_ns = 100'000'000;     // of readings
+constexpr std::int64_t kLongestSpan_ns = 3'000'000'000;  // looked back over
 
 }  // namespace
 
@@ -20,6 +25,19 @@ void RestDetector::Start(std::int64_t t_ns) {
   Clear();
   t_ns_ = t_ns;
   started_ = true;
+}
+
+void RestDetector::NoteUntil(std::int64_t t_ns, bool quiet, const InertialBuffer& readings) {
+  if (!started_ || t_ns - t_ns_ > kLongestSpan_ns) {
+    const auto begin_ns = readings.begin_ns();
+    Start(quiet && begin_ns ? std::max(*begin_ns, t_ns - kLongestSpan_ns) : t_ns);
+  }
+  while (t_ns_ < t_ns) {
+    const std::int64_t until_ns = std::min(t_ns_ + kStep_ns, t_ns);
+    const auto inertial = readings.Mean(t_ns_, until_ns);
+    if (quiet && !inertial && t_ns - until_ns < kMaxLatency_ns) break;
+    Note(until_ns, quiet, inertial);
+  }
 }
 
 bool RestDetector::IsAsBefore(const InertialMean& inertial) const {

@@ -57,8 +57,7 @@ constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15;
 
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
-constexpr std::int64_t kRestStep_ns = 10'000'000, kMaxInertialLatency_ns = 100'000'000;
-constexpr std::int64_t kLongestRest_ns = 3'000'000'000, kUsedOfRest_ns = 1'000'000'000;
+constexpr std::int64_t kRestStep_ns = 10'000'000, kUsedOfRest_ns = 1'000'000'000;
 
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
@@ -187,7 +186,9 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     Reset();
     epoch_ = surface.epoch;
   }
-  if (!motion_.started()) NoteRest(surface);
+  if (!motion_.started()) {
+    rest_.NoteUntil(surface.t_ns, surface.activity_hz < options_.surface.still_activity_hz, inertial_);
+  }
   if (!map_ || map_->epoch != surface.epoch) return std::nullopt;
   if (!motion_.started()) {
     BeginChapter(*map_);
@@ -225,21 +226,6 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.inertial_fit = motion_.inertial_fit();
   ContinueToNow(held_, &pose);
   return pose;
-}
-
-void Tracker::NoteRest(const Surface& surface) {
-  const bool quiet = surface.activity_hz < options_.surface.still_activity_hz;
-  // A camera at rest makes no events, and so no surfaces, until it moves.
-  if (!rest_.started() || surface.t_ns - rest_.time_ns() > kLongestRest_ns) {
-    const auto begin_ns = inertial_.begin_ns();
-    rest_.Start(quiet && begin_ns ? std::max(*begin_ns, surface.t_ns - kLongestRest_ns) : surface.t_ns);
-  }
-  while (rest_.time_ns() < surface.t_ns) {
-    const std::int64_t t_ns = std::min(rest_.time_ns() + kRestStep_ns, surface.t_ns);
-    const auto inertial = inertial_.Mean(rest_.time_ns(), t_ns);
-    if (quiet && !inertial && surface.t_ns - t_ns < kMaxInertialLatency_ns) break;  // its readings may still come
-    rest_.Note(t_ns, quiet, inertial);
-  }
 }
 
 bool Tracker::StartFromRest() {

@@ -18,16 +18,21 @@ class RestDetector {
     std::int64_t begin_ns, end_ns;
   };
 
-  void Start(std::int64_t t_ns);
-  bool started() const { return started_; }
-  std::int64_t time_ns() const { return t_ns_; }  ///< until which it was told of
+  /// Until `t_ns`, a time after that of the last call, `quiet`: whether hardly any events came since, and what an
+  /// inertial sensor read. Readings that have not come yet are looked at in a later call. Before the first call, and in
+  /// a long silence, there were no events to be told of: a camera at rest makes none.
+  void NoteUntil(std::int64_t t_ns, bool quiet, const InertialBuffer& readings);
 
   /// In the order of their time: a span that began where the last one ended, whether hardly any events came in it, and
   /// what an inertial sensor read. Neither tells a rest alone: a slow motion may make no events, and a steady one reads
   /// as none.
   void Note(std::int64_t t_ns, bool quiet, const std::optional<InertialMean>& inertial);
 
-  /// The end of the last rest that was long enough to know it by. Empty before the first.
+  /// Forgets what was, and goes on from `t_ns`.
+  void Start(std::int64_t t_ns);
+  bool started() const { return started_; }
+
+  /// The last rest that was long enough to know it by, without its last moment. Empty before the first.
   std::optional<Span> last_rest() const { return last_; }
 
   void Clear();

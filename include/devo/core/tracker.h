@@ -58,8 +58,6 @@ class Tracker {
   void Reset();
 
  private:
-  /// Whether the camera stands still, before there is a map.
-  void NoteRest(const Surface& surface);
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
   bool StartFromRest();

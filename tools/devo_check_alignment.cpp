@@ -103,7 +103,7 @@ class CrestFit {
   explicit CrestFit(const cv::Mat1w& events) {
     cv::Mat1w scratch, blurred;
     Blur(events, 1.0, &scratch, &blurred);
-    FindCrests(blurred, cv::Mat1s(), OccupiedQuantile(blurred, 0.7), &surface_.edges);
+    FindCrests(blurred, SignedCounts(), OccupiedQuantile(blurred, 0.7), &surface_.edges);
     surface_.nearest_edge.create(events.size());
     BuildNearestEdgeField(surface_.edges, kSearch_px, &surface_.nearest_edge);
   }

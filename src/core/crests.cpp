@@ -125,144 +125,146 @@ struct PeaksAvx2 {
 };
 #endif
 
-/// Four pixels of one row.
-using Columns = std::array<int, 4>;
-
-/// The values left of, at and right of each of four pixels of a row.
-DEVO_ALWAYS_INLINE void LoadThree(const std::uint16_t* row, const Columns& x, cv::v_float32x4 three[3]) {
+/// The values left of, at and right of each of the eight pixels from `columns` on of one row. Values below 32768.
+DEVO_ALWAYS_INLINE void LoadThree(const std::uint16_t* row, const std::uint16_t* columns, cv::v_int16x8 three[3]) {
   const std::uint16_t* p = row - 1;
-  cv::v_uint16x8 ac, bd, left_mid, right, unused;
-  cv::v_zip(cv::v_load_low(p + x[0]), cv::v_load_low(p + x[2]), ac, unused);
-  cv::v_zip(cv::v_load_low(p + x[1]), cv::v_load_low(p + x[3]), bd, unused);
-  cv::v_zip(ac, bd, left_mid, right);
-  cv::v_uint32x4 words[3], unused_words;
-  cv::v_expand(left_mid, words[0], words[1]);
-  cv::v_expand(right, words[2], unused_words);
-  for (int i = 0; i < 3; ++i) three[i] = cv::v_cvt_f32(cv::v_reinterpret_as_s32(words[i]));
+  cv::v_uint16x8 left_mid[2], right[2], unused;
+  for (int half = 0; half < 2; ++half, columns += 4) {
+    cv::v_uint16x8 ac, bd;
+    cv::v_zip(cv::v_load_low(p + columns[0]), cv::v_load_low(p + columns[2]), ac, unused);
+    cv::v_zip(cv::v_load_low(p + columns[1]), cv::v_load_low(p + columns[3]), bd, unused);
+    cv::v_zip(ac, bd, left_mid[half], right[half]);
+  }
+  three[0] = cv::v_reinterpret_as_s16(cv::v_combine_low(left_mid[0], left_mid[1]));
+  three[1] = cv::v_reinterpret_as_s16(cv::v_combine_high(left_mid[0], left_mid[1]));
+  three[2] = cv::v_reinterpret_as_s16(cv::v_combine_low(right[0], right[1]));
 }
 
-DEVO_ALWAYS_INLINE cv::v_float32x4 All(float value) { return cv::v_setall_f32(value); }
+/// One number for each pixel of a list.
+template <typename T>
+struct alignas(32) PerPeak : std::array<T, PixelList::kMost> {};
 
-/// Ridge through each of four pixels, by the second derivatives (Steger's equations).
-struct Ridges {
-  cv::v_float32x4 v, nx, ny, ox, oy;  // height; normal; offset of the ridge from the pixel
-  cv::v_float32x4 missing;            // where there is none
+/// Heights of an image at chosen pixels and their derivatives by central differences, without the fractions, so that
+/// they fit 16 bits: values are below 4096.
+struct Derivatives {
+  PerPeak<std::int16_t> v, twice_gx, twice_gy, gxx, gyy, four_gxy;
 
-  DEVO_ALWAYS_INLINE Ridges(const cv::Mat1w& blurred, int y, const Columns& columns) {
-    cv::v_float32x4 up[3], mid[3], down[3];
-    LoadThree(blurred[y - 1], columns, up);
-    LoadThree(blurred[y], columns, mid);
-    LoadThree(blurred[y + 1], columns, down);
-    v = mid[1];
-    const auto gx = All(0.5F) * (mid[2] - mid[0]), gy = All(0.5F) * (down[1] - up[1]);
-    const auto gxx = mid[2] - (v + v) + mid[0], gyy = down[1] - (v + v) + up[1];
-    const auto gxy = All(0.25F) * (down[2] - down[0] - up[2] + up[0]);
-    const auto mean = All(0.5F) * (gxx + gyy), half = All(0.5F) * (gxx - gyy);
-    const auto lambda = mean - cv::v_sqrt(half * half + gxy * gxy);  // curvature across: the more negative eigenvalue
-    // Eigenvector of lambda, from the better conditioned of the two rows of H - lambda I.
-    const auto first = half > All(0);
-    const auto x = cv::v_select(first, gxy, lambda - gyy), y_of = cv::v_select(first, lambda - gxx, gxy);
-    const auto norm = cv::v_sqrt(x * x + y_of * y_of);
-    const auto round = norm < All(1e-6F);  // a round peak has no direction; any will do
-    nx = cv::v_select(round, All(1), x / norm);
-    ny = cv::v_select(round, All(0), y_of / norm);
-    const auto t = (All(0) - (gx * nx + gy * ny)) / lambda;
-    ox = t * nx;
-    oy = t * ny;
-    missing = (lambda > All(-0.05F) * v) | (cv::v_abs(ox) > All(kMaxOffset_px)) | (cv::v_abs(oy) > All(kMaxOffset_px));
+  DEVO_ALWAYS_INLINE void Load(const cv::Mat1w& blurred, int y, const PixelList& peaks) {
+    for (int i = 0; i < peaks.size(); i += 8) {
+      cv::v_int16x8 up[3], mid[3], down[3];
+      LoadThree(blurred[y - 1], peaks.data() + i, up);
+      LoadThree(blurred[y], peaks.data() + i, mid);
+      LoadThree(blurred[y + 1], peaks.data() + i, down);
+      cv::v_store(v.data() + i, mid[1]);
+      cv::v_store(twice_gx.data() + i, mid[2] - mid[0]);
+      cv::v_store(twice_gy.data() + i, down[1] - up[1]);
+      cv::v_store(gxx.data() + i, mid[2] - (mid[1] + mid[1]) + mid[0]);
+      cv::v_store(gyy.data() + i, down[1] - (mid[1] + mid[1]) + up[1]);
+      cv::v_store(four_gxy.data() + i, down[2] - down[0] - up[2] + up[0]);
+    }
   }
 };
 
-/// Nearest integers, halves away from zero, of small numbers.
-DEVO_ALWAYS_INLINE cv::v_int32x4 Rounded(const cv::v_float32x4& value) {
-  const cv::v_int32x4 whole = cv::v_trunc(value);
-  const auto rest = value - cv::v_cvt_f32(whole);
-  return whole - cv::v_reinterpret_as_s32(rest >= All(0.5F)) + cv::v_reinterpret_as_s32(rest <= All(-0.5F));
+/// Nearest integer, halves away from zero, of a small number.
+DEVO_ALWAYS_INLINE int Rounded(float value) {
+  const int whole = static_cast<int>(value);
+  const float rest = value - static_cast<float>(whole);
+  return whole + (rest >= 0.5F ? 1 : 0) - (rest <= -0.5F ? 1 : 0);
 }
 
-/// The higher of both sides of each ridge. In texture finer than the sensor resolves, ridges lie side by side with no
-/// valley between them: something is always near, so they say nothing of the pose.
-DEVO_ALWAYS_INLINE cv::v_float32x4 Sides(const cv::Mat1w& blurred, int y, const Columns& x, const Ridges& ridges) {
-  alignas(16) std::array<int, 4> dx, dy, sides;
-  cv::v_store(dx.data(), Rounded(All(kSide_px) * ridges.nx));
-  cv::v_store(dy.data(), Rounded(All(kSide_px) * ridges.ny));
-  const std::uint16_t* row = blurred[y];
-  const auto stride = static_cast<std::ptrdiff_t>(blurred.step1());
-  for (int k = 0; k < 4; ++k) {
-    const std::ptrdiff_t offset = dy[k] * stride + dx[k];
-    sides[k] = std::max(row[x[k] + offset], row[x[k] - offset]);
-  }
-  return cv::v_cvt_f32(cv::v_load(sides.data()));
-}
+/// Ridges through chosen pixels, by the second derivatives (Steger's equations).
+struct Ridges {
+  PerPeak<float> nx, ny, ox, oy;  // normal; offset of the ridge from the pixel
+  PerPeak<int> side;              // how much farther in memory a pixel beside the ridge is
+  PerPeak<int> missing;           // 1 where there is none
 
-/// Mean polarity of the events around crests of height `v`.
-DEVO_ALWAYS_INLINE cv::v_float32x4 Polarity(const cv::Mat1s& signed_events, int y, const Columns& x,
-                                            const cv::v_float32x4& v) {
-  const std::int16_t *up = signed_events[y - 1] - 1, *mid = signed_events[y] - 1, *down = signed_events[y + 1] - 1;
-  const cv::v_int16x8 three(1, 1, 1, 0, 1, 1, 1, 0);
-  cv::v_int32x4 sums[4];
-  for (int k = 0; k < 4; ++k) {
-    const cv::v_int16x8 two_rows = cv::v_combine_low(cv::v_load_low(up + x[k]), cv::v_load_low(mid + x[k]));
-    sums[k] = cv::v_dotprod(two_rows, three) + cv::v_dotprod(cv::v_load_low(down + x[k]), three);
-  }
-  cv::v_int32x4 parts[4];
-  cv::v_transpose4x4(sums[0], sums[1], sums[2], sums[3], parts[0], parts[1], parts[2], parts[3]);
-  // Nine raw pixels hold about nine times the blurred value on a ridge; the ratio is clamped, not exact.
-  const auto ratio = cv::v_cvt_f32(parts[0] + parts[1] + (parts[2] + parts[3])) / (All(6.0F) * v);
-  return cv::v_min(cv::v_max(ratio, All(-1)), All(1));
-}
-
-constexpr int kFloats = sizeof(EdgePoint) / sizeof(float);
-static_assert(kFloats == 6, "an edge is written as four floats and two");
-
-/// Writes the crests among the first `used` of four pixels of row y to `out`, which has room for four, and returns how
-/// many there are.
-DEVO_ALWAYS_INLINE int WriteCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y, const Columns& x,
-                                   int used, float max_side_share, float* out) {
-  const Ridges ridges(blurred, y, x);
-  const auto hidden = Sides(blurred, y, x, ridges) >= All(max_side_share) * ridges.v;
-  const int found = ~cv::v_signmask(ridges.missing | hidden) & ((1 << used) - 1);
-  if (found == 0) return 0;
-  const auto polarity = signed_events.empty() ? All(0) : Polarity(signed_events, y, x, ridges.v);
-  const auto strength = ridges.v * All(1.0F / kEventWeight);
-  const auto edge_x = cv::v_cvt_f32(cv::v_load(x.data())) + ridges.ox, edge_y = All(static_cast<float>(y)) + ridges.oy;
-  cv::v_float32x4 begins[4], ends[2];
-  cv::v_transpose4x4(edge_x, edge_y, ridges.nx, ridges.ny, begins[0], begins[1], begins[2], begins[3]);
-  cv::v_zip(strength, polarity, ends[0], ends[1]);
-  // Each is written, and overwritten by the next unless it is a crest: cheaper than four branches.
-  int count = 0;
-  for (int k = 0; k < 4; ++k) {
-    float* edge = out + kFloats * count;
-    cv::v_store(edge, begins[k]);
-    if (k % 2 == 0) {
-      cv::v_store_low(edge + 4, ends[k / 2]);
-    } else {
-      cv::v_store_high(edge + 4, ends[k / 2]);
+  /// A loop without branches, so that the compiler takes as many at once as registers hold.
+  DEVO_ALWAYS_INLINE void Find(const Derivatives& of, int count, int stride) {
+    for (int i = 0; i < count; ++i) {
+      const auto v = static_cast<float>(of.v[i]);
+      const float gx = 0.5F * static_cast<float>(of.twice_gx[i]), gy = 0.5F * static_cast<float>(of.twice_gy[i]);
+      const auto gxx = static_cast<float>(of.gxx[i]), gyy = static_cast<float>(of.gyy[i]);
+      const float gxy = 0.25F * static_cast<float>(of.four_gxy[i]);
+      const float mean = 0.5F * (gxx + gyy), half = 0.5F * (gxx - gyy);
+      const float lambda = mean - std::sqrt(half * half + gxy * gxy);  // across: the more negative eigenvalue
+      // Eigenvector of lambda, from the better conditioned of the two rows of H - lambda I.
+      const bool first = half > 0;
+      const float x = first ? gxy : lambda - gyy, y = first ? lambda - gxx : gxy;
+      const float norm = std::sqrt(x * x + y * y);
+      const bool round = norm < 1e-6F;  // a round peak has no direction; any will do
+      const float unit_x = x / norm, unit_y = y / norm;
+      nx[i] = round ? 1.0F : unit_x;
+      ny[i] = round ? 0.0F : unit_y;
+      const float t = (0.0F - (gx * nx[i] + gy * ny[i])) / lambda;
+      ox[i] = t * nx[i];
+      oy[i] = t * ny[i];
+      side[i] = Rounded(kSide_px * ny[i]) * stride + Rounded(kSide_px * nx[i]);
+      missing[i] = (lambda > -0.05F * v ? 1 : 0) | (std::abs(ox[i]) > kMaxOffset_px ? 1 : 0) |
+                   (std::abs(oy[i]) > kMaxOffset_px ? 1 : 0);
     }
-    count += found >> k & 1;
+  }
+};
+
+/// Which of the pixels lie on a ridge that stands out from the higher of its two sides; returns how many. In texture
+/// finer than the sensor resolves, ridges lie side by side with no valley between them: something is always near, so
+/// they say nothing of the pose.
+DEVO_ALWAYS_INLINE int ChooseCrests(const std::uint16_t* row, const PixelList& peaks, const Derivatives& of,
+                                    const Ridges& ridges, float max_side_share, PerPeak<std::uint16_t>* chosen) {
+  int count = 0;
+  for (int i = 0; i < peaks.size(); ++i) {
+    const std::uint16_t* p = row + peaks[i];
+    const std::uint16_t higher = std::max(p[ridges.side[i]], p[-ridges.side[i]]);
+    const bool hidden = static_cast<float>(higher) >= max_side_share * static_cast<float>(of.v[i]);
+    // Each is written, and overwritten by the next unless it is a crest: cheaper than a branch.
+    (*chosen)[count] = static_cast<std::uint16_t>(i);
+    count += (ridges.missing[i] | static_cast<int>(hidden)) ^ 1;
   }
   return count;
 }
 
+/// Sum of the nine values around column x.
+DEVO_ALWAYS_INLINE int SumOfNine(const std::int8_t* up, const std::int8_t* mid, const std::int8_t* down, int x) {
+  int sum = 0;
+  for (int i = x - 1; i <= x + 1; ++i) sum += up[i] + mid[i] + down[i];
+  return sum;
+}
+
+/// Mean polarity of the events around a crest of height `v`.
+DEVO_ALWAYS_INLINE float Polarity(int sum_of_nine, float v) {
+  // Nine raw pixels hold about nine times the blurred value on a ridge; the ratio is clamped, not exact.
+  return std::min(std::max(static_cast<float>(kEventWeight * sum_of_nine) / (6.0F * v), -1.0F), 1.0F);
+}
+
 /// Appends the crests among the peaks of row y and empties the list.
-DEVO_ALWAYS_INLINE void AppendCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int y,
+DEVO_ALWAYS_INLINE void AppendCrests(const cv::Mat1w& blurred, const SignedCounts& signed_events, int y,
                                      float max_side_share, PixelList* peaks, std::vector<EdgePoint>* crests) {
-  std::array<float, kFloats*(PixelList::kFull + 16)> found;  // edges, not initialised: thousands are written
-  int count = 0;
-  for (int first = 0; first < peaks->size(); first += 4) {
-    const int last = peaks->size() - 1;
-    Columns x;
-    for (int k = 0; k < 4; ++k) x[k] = (*peaks)[std::min(first + k, last)];
-    count += WriteCrests(blurred, signed_events, y, x, std::min(4, peaks->size() - first), max_side_share,
-                         found.data() + kFloats * count);
+  Derivatives derivatives;
+  Ridges ridges;
+  PerPeak<std::uint16_t> chosen;
+  peaks->PadToEight();
+  derivatives.Load(blurred, y, *peaks);
+  ridges.Find(derivatives, (peaks->size() + 7) / 8 * 8, static_cast<int>(blurred.step1()));
+  const int count = ChooseCrests(blurred[y], *peaks, derivatives, ridges, max_side_share, &chosen);
+  const std::size_t before = crests->size();
+  crests->resize(before + static_cast<std::size_t>(count));
+  EdgePoint* edge = crests->data() + before;
+  for (int k = 0; k < count; ++k, ++edge) {
+    const int i = chosen[k], x = (*peaks)[i];
+    const auto v = static_cast<float>(derivatives.v[i]);
+    edge->x = static_cast<float>(x) + ridges.ox[i];
+    edge->y = static_cast<float>(y) + ridges.oy[i];
+    edge->nx = ridges.nx[i];
+    edge->ny = ridges.ny[i];
+    edge->strength = v * (1.0F / kEventWeight);
+    edge->polarity = 0;
+    if (signed_events.empty()) continue;
+    edge->polarity = Polarity(SumOfNine(signed_events[y - 1], signed_events[y], signed_events[y + 1], x), v);
   }
-  const auto* edges = reinterpret_cast<const EdgePoint*>(found.data());
-  crests->insert(crests->end(), edges, edges + count);
   peaks->Clear();
 }
 
 template <typename Peaks>
-DEVO_ALWAYS_INLINE void FindCrestsWith(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, std::uint16_t floor,
+DEVO_ALWAYS_INLINE void FindCrestsWith(const cv::Mat1w& blurred, const SignedCounts& signed_events, std::uint16_t floor,
                                        float max_side_share, std::vector<EdgePoint>* crests) {
   const int right = blurred.cols - kMargin, bottom = blurred.rows - kMargin;
   const std::size_t stride = blurred.step1();
@@ -284,12 +286,12 @@ DEVO_ALWAYS_INLINE void FindCrestsWith(const cv::Mat1w& blurred, const cv::Mat1s
 }
 
 #ifdef DEVO_AVX2
-DEVO_AVX2 void FindCrestsAvx2(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, std::uint16_t floor,
+DEVO_AVX2 void FindCrestsAvx2(const cv::Mat1w& blurred, const SignedCounts& signed_events, std::uint16_t floor,
                               float max_side_share, std::vector<EdgePoint>* crests) {
   FindCrestsWith<PeaksAvx2>(blurred, signed_events, floor, max_side_share, crests);
 }
 #endif
-void FindCrestsPortable(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, std::uint16_t floor,
+void FindCrestsPortable(const cv::Mat1w& blurred, const SignedCounts& signed_events, std::uint16_t floor,
                         float max_side_share, std::vector<EdgePoint>* crests) {
   FindCrestsWith<Peaks>(blurred, signed_events, floor, max_side_share, crests);
 }
@@ -447,8 +449,8 @@ int OccupiedQuantile(const cv::Mat1w& image, double quantile) {
   return (kBins - 1) << kShift;
 }
 
-void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold, std::vector<EdgePoint>* crests,
-                bool clear_only) {
+void FindCrests(const cv::Mat1w& blurred, const SignedCounts& signed_events, int threshold,
+                std::vector<EdgePoint>* crests, bool clear_only) {
   crests->clear();
   const float max_side_share = clear_only ? kMaxSideShare : kAnySide;
   const auto floor = static_cast<std::uint16_t>(std::max(threshold, kEventWeight / 8));

@@ -21,13 +21,13 @@ std::uint32_t Pair(int left, int right) {
 }  // namespace
 
 EventWarp::EventWarp(const Camera& undistorted, const SceneDepth& depth, cv::Mat1w* accumulated,
-                     cv::Mat1s* accumulated_sign)
+                     SignedCounts* accumulated_sign)
     : fx_(All(undistorted.fx())), fy_(All(undistorted.fy())), cx_(All(undistorted.cx())), cy_(All(undistorted.cy())),
       width_(undistorted.width()), height_(undistorted.height()),
       inverse_median_(depth.median_m > 0 ? static_cast<float>(1 / depth.median_m) : 0.0F), grid_(depth.inverse_depth),
-      grid_x_(static_cast<float>(grid_.cols) / static_cast<float>(width_)),
+      has_grid_(!grid_.empty()), grid_x_(static_cast<float>(grid_.cols) / static_cast<float>(width_)),
       grid_y_(static_cast<float>(grid_.rows) / static_cast<float>(height_)), sums_(accumulated->ptr<std::uint16_t>()),
-      signs_(accumulated_sign->ptr<std::int16_t>()) {
+      signs_(accumulated_sign->ptr<std::int8_t>()) {
   for (int share = 0; share < kSub * kSub; ++share) shares_[share] = MakeShare(share % kSub, share / kSub);
   SetPose(Rigid3());
 }
@@ -54,7 +54,7 @@ void EventWarp::Add(const RayEvent* next, const RayEvent* end) {
 }
 
 cv::v_float32x4 EventWarp::InverseDepth(const cv::v_float32x4& ray_x, const cv::v_float32x4& ray_y) const {
-  if (grid_.empty()) return All(inverse_median_);
+  if (!has_grid_) return All(inverse_median_);
   alignas(16) std::array<int, 4> gx, gy;
   alignas(16) std::array<float, 4> inverse_depth;
   cv::v_store(gx.data(), cv::v_trunc((fx_ * ray_x + cx_) * All(grid_x_)));
@@ -115,8 +115,9 @@ inline void EventWarp::Count(const Waiting& event) {
   lower_pair += share.lower;
   std::memcpy(upper, &upper_pair, sizeof(upper_pair));
   std::memcpy(lower, &lower_pair, sizeof(lower_pair));
-  std::int16_t& sign = signs_[event.pixel + share.nearest];
-  sign = static_cast<std::int16_t>(sign + (event.polarity ? kEventWeight : -kEventWeight));
+  std::int8_t& sign = signs_[event.pixel + share.nearest];
+  const int sum = sign + 2 * event.polarity - 1, clamped = static_cast<std::int8_t>(sum);
+  sign = static_cast<std::int8_t>(sum == clamped ? sum : sign);
 }
 
 }  // namespace devo

@@ -32,7 +32,7 @@ class EventWarp {
  public:
   /// `accumulated` counts all events, `accumulated_sign` ON minus OFF ones, each at its nearest pixel. Both have the
   /// camera's size and no gaps between their rows. `depth` must live as long.
-  EventWarp(const Camera& undistorted, const SceneDepth& depth, cv::Mat1w* accumulated, cv::Mat1s* accumulated_sign);
+  EventWarp(const Camera& undistorted, const SceneDepth& depth, cv::Mat1w* accumulated, SignedCounts* accumulated_sign);
   ~EventWarp() { CountWaiting(); }
   EventWarp(const EventWarp&) = delete;
   EventWarp& operator=(const EventWarp&) = delete;
@@ -70,9 +70,10 @@ class EventWarp {
   int width_, height_;
   float inverse_median_;
   const cv::Mat1f& grid_;
+  bool has_grid_;
   float grid_x_, grid_y_;
   std::uint16_t* sums_;
-  std::int16_t* signs_;
+  std::int8_t* signs_;
   std::array<Share, kSub * kSub> shares_;
   std::array<Waiting, kWaiting> waiting_;
   int waiting_count_ = 0;

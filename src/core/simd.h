@@ -62,8 +62,9 @@ inline constexpr PlacesOfBits kPlacesOfBits;
 /// Columns of chosen pixels of one row.
 class PixelList {
  public:
-  static constexpr int kFull =
-      64;  ///< from here on it must be emptied before anything is appended; below, twice may be
+  /// From here on it must be emptied before anything is appended; below, twice may be.
+  static constexpr int kFull = 64;
+  static constexpr int kMost = kFull + 16;  ///< how many there may be
 
   /// Those of the eight pixels from x on whose bit is set. Always writes eight: cheaper than a branch for each.
   void Append(int x, int bits) {
@@ -71,12 +72,18 @@ class PixelList {
     cv::v_store(x_.data() + size_, offsets + cv::v_setall_u16(static_cast<std::uint16_t>(x)));
     size_ += kPlacesOfBits.count[bits];
   }
+  /// Repeats the last one, which there must be, up to a multiple of eight, without counting it.
+  void PadToEight() {
+    const cv::v_uint16x8 last = cv::v_setall_u16(x_[size_ - 1]);
+    cv::v_store(x_.data() + size_, last);
+  }
   void Clear() { size_ = 0; }
   int size() const { return size_; }
+  const std::uint16_t* data() const { return x_.data(); }
   int operator[](int k) const { return x_[k]; }
 
  private:
-  std::array<std::uint16_t, kFull + 16> x_;
+  std::array<std::uint16_t, kMost + 8> x_;
   int size_ = 0;
 };
 

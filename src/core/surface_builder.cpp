@@ -135,7 +135,7 @@ struct SurfaceBuilder::Impl {
   std::vector<Progress> progress;  // one per surface, spanning the rate window: a few
 
   cv::Mat1w accumulated, blurred, scratch;
-  cv::Mat1s accumulated_sign;
+  SignedCounts accumulated_sign;
 
   std::optional<PlainSurface> plain;  // with the exponential method
 };

@@ -108,12 +108,12 @@ std::vector<EdgePoint> CrestsOfEvents(double share_on) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> uniform(0, 1);
   cv::Mat1w accumulated(40, 48, std::uint16_t{0}), scratch, blurred;
-  cv::Mat1s signed_events(40, 48, std::int16_t{0});
+  SignedCounts signed_events(40, 48, std::int8_t{0});
   for (int y = 0; y < 40; ++y) {
     for (int k = 0; k < 20; ++k) {
       const int x = uniform(random) < 0.3 ? 25 : 24;
       accumulated(y, x) += kEventWeight;
-      signed_events(y, x) += uniform(random) < share_on ? kEventWeight : -kEventWeight;
+      signed_events(y, x) += uniform(random) < share_on ? 1 : -1;
     }
   }
   Blur(accumulated, 1, &scratch, &blurred);

@@ -16,6 +16,9 @@ namespace devo {
 /// Fixed-point weight of one event in accumulated images.
 constexpr int kEventWeight = 64;
 
+/// ON minus OFF events per pixel, held at the ends of their range.
+using SignedCounts = cv::Mat_<std::int8_t>;
+
 /// Blurs with a 5-tap binomial-like kernel of standard deviation `sigma_px` (at most 1.2), values below 4096.
 /// `out` gets the size of `in`; the outermost two pixels are 0.
 void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* out);
@@ -24,11 +27,11 @@ void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* o
 int OccupiedQuantile(const cv::Mat1w& image, double quantile);
 
 /// Ridge points of `blurred` above `threshold`: the second derivative across the ridge is negative and its
-/// extremum lies within 0.6 px of the pixel. `signed_events` (ON minus OFF, same scale, not blurred) gives
-/// the polarity and may be empty. Strength is in events per pixel. At most Surface::kMaxEdges are returned.
+/// extremum lies within 0.6 px of the pixel. `signed_events` (not blurred) gives the polarity and
+/// may be empty. Strength is in events per pixel. At most Surface::kMaxEdges are returned.
 /// `clear_only`: those that stand out from both their sides.
-void FindCrests(const cv::Mat1w& blurred, const cv::Mat1s& signed_events, int threshold, std::vector<EdgePoint>* crests,
-                bool clear_only = true);
+void FindCrests(const cv::Mat1w& blurred, const SignedCounts& signed_events, int threshold,
+                std::vector<EdgePoint>* crests, bool clear_only = true);
 
 /// Nearest edge of every pixel within a square of +-`radius_px` (at most 30) around it, packed as Surface::nearest_edge
 /// says. `nearest` must have the image's size; of more than Surface::kMaxEdges edges the rest is left out.

@@ -164,7 +164,7 @@ void Tracker::Reset() {
   usual_share_ = kFirstUsualShare;
   missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = false;
   chapter_covariance_.clear();
-  started_ns_ = 0;
+  started_ns_ = searched_ns_ = 0;
   T_world_started_ = Rigid3();
   activity_hz_.clear();
   usual_activity_hz_ = 0;
@@ -381,8 +381,11 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
   const bool in_turn = suspicious_in_a_row_ % search_every == search_every - 1;
   const bool inertial_fits = inertial_prior_ && InertialFits(), bad = IsBad(result.inlier_share);
+  // What a search did not find, the next surface hardly shows better.
+  const bool searched = surface.t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
   // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
-  const bool search = unsure_ || (suspicious && (coasted_ || (in_turn && (bad || !inertial_fits))));
+  const bool search = unsure_ || (suspicious && ((coasted_ && !searched) || (in_turn && (bad || !inertial_fits))));
+  if (search) searched_ns_ = surface.t_ns;
   unsure_ = false;
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());

@@ -117,6 +117,7 @@ class Tracker {
   Rigid3 T_world_started_;          // that pose
   std::deque<SurfacePtr> waiting_;  // surfaces of the last moment without a map that helps
   bool follow_ = false;             // them through the map that has come
+  std::int64_t searched_ns_ = 0;    // when a search was last made
   bool unsure_ = false;             // the next pose may be anywhere about the prediction: a better one is sought
   bool begun_ = false;              // a chapter, in which no pose has been found yet
   std::vector<Matrix6d> chapter_covariance_;  // of where each chapter began

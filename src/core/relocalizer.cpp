@@ -14,7 +14,7 @@ constexpr std::size_t kMaxPlaces = 100, kPlacesPerSearch = 3;
 constexpr double kSameView_m = 0.15, kSameView_rad = 0.15;
 // The attraction reaches this share of the image's width at first, then narrows to the tracker's own.
 constexpr double kWideShare = 0.035, kMiddleShare = 0.012;
-constexpr int kCellsPerRadius = 4;
+constexpr int kCellsPerRadius = 6;
 // Turns about the image's axes are tried on a grid: a turn moves all points alike, and most of what is missed in a
 // gap is turning. The grid's step is within the attraction.
 constexpr int kTurnSteps = 6;
@@ -28,7 +28,7 @@ constexpr float kMinDepth_m = 0.05F;
 constexpr double kMaxShiftShare = 1;
 constexpr double kMaxNormalisedSquare = 25;
 
-/// With a field that reaches `radius_px` and tells nearest edges apart to an eighth of that: a field to the pixel took
+/// With a field that reaches `radius_px` and tells nearest edges apart to a twelfth of that: a field to the pixel took
 /// longer than all else of a search.
 Surface WithWideField(const Surface& surface, double radius_px) {
   const int cell_px = std::max(1, static_cast<int>(std::ceil(radius_px / kCellsPerRadius)));

@@ -28,6 +28,7 @@ void DepthFusion::NoteVelocity(const DepthPose& depth) {
   if (since_s > 0 && since_s < kMaxPeriod_s) {
     velocity_ = Log(last_->T_world_event.inverse() * depth.T_world_event) / since_s;
   }
+  velocity_since_ns_ = last_ ? last_->t_ns : depth.t_ns;
   last_ = depth;
 }
 

@@ -14,6 +14,8 @@ constexpr double kFitsBadly = 4, kFitsNotAtAll = 15;
 
 bool IsPlausibleForce(double force_m_s2) { return force_m_s2 > kMinForce_m_s2 && force_m_s2 < kMaxForce_m_s2; }
 
+bool FitsBadly(double times_its_errors) { return times_its_errors > kFitsBadly; }
+
 bool FitsNotAtAll(double times_its_errors) { return times_its_errors > kFitsNotAtAll; }
 
 std::string Complaint(const InertialFit& fit) {
@@ -32,7 +34,7 @@ std::string Complaint(const InertialFit& fit) {
                   "the accelerometer does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
                   "frame and /tf_static, its axes, signs and stamps",
                   fit.accelerometer);
-  } else if (fit.gyroscope > kFitsBadly || fit.accelerometer > kFitsBadly) {
+  } else if (FitsBadly(fit.gyroscope) || FitsBadly(fit.accelerometer)) {
     std::snprintf(text, sizeof(text),
                   "the IMU fits the motion badly (gyroscope %.0f, accelerometer %.0f times its errors) and counts for "
                   "less: check its mounting in /tf_static, its stamps, scale and range",

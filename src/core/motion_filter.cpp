@@ -28,6 +28,7 @@ constexpr double kGravity_m_s2 = 9.81;
 constexpr double kGyroscopeBias_rad_s = 0.05, kGyroscopeSigma_rad_s = 0.005, kGyroscopeShare = 0.01;
 constexpr double kAccelerometerBias_m_s2 = 0.2, kAccelerometerSigma_m_s2 = 0.3, kAccelerometerShare = 0.02;
 constexpr double kGyroscopeWalk_rad_s = 5e-4, kAccelerometerWalk_m_s2 = 5e-3;  // in one second
+constexpr double kKnownGravity_m_s2 = 1;  // its standard deviation, where accelerations are to be told from it
 // Of the mean of the first readings: the camera may be moving, and change its velocity by so much.
 constexpr double kGravitySpeed_m_s = 1, kMinGravitySigma_m_s2 = 0.5, kMaxGravitySigma_m_s2 = 4;
 // Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less.
@@ -217,6 +218,11 @@ Matrix6d MotionFilter::velocity_covariance() const { return P_.block<6, 6>(kV, k
 double MotionFilter::delay_variance_s2() const { return P_(kDelay, kDelay); }
 
 double MotionFilter::gyroscope_trust() const { return 1 / std::sqrt(Widening(turn_misfit_)); }
+
+bool MotionFilter::knows_acceleration() const {
+  return force_m_s2_ > 0 && knows_gravity() && !FitsBadly(inertial_fit().accelerometer) &&
+         P_.diagonal().segment<3>(kGravity).sum() < kKnownGravity_m_s2 * kKnownGravity_m_s2;
+}
 
 InertialFit MotionFilter::inertial_fit() const {
   if (!reads_) return {};

@@ -42,10 +42,6 @@ constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so wel
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
 constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
-// A camera slows down over several surfaces; where this many times the events of a standstill end within
-// kActivitySpan_s, it is the events that are missing.
-constexpr double kSuddenFactor = 6, kSuddenShare = 0.3;  // of a standstill's events; of the usual ones
-constexpr double kActivitySpan_s = 0.03;
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
@@ -76,11 +72,12 @@ bool MayMove(const MotionFilter::Prediction& now) {
 
 Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
     : options_(options), camera_(event_camera.Undistorted()), motion_(options.tracking),
-      relocalizer_(camera_, options) {}
+      activity_(options.surface.rate_hz, options.surface.still_activity_hz), relocalizer_(camera_, options) {}
 
 void Tracker::SetOptions(const OdometryOptions& options) {
   options_ = options;
   motion_.SetOptions(options.tracking);
+  activity_.SetStill(options.surface.still_activity_hz);
   relocalizer_.SetOptions(options);
 }
 
@@ -118,7 +115,9 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool sure_of_events = by_events && bad_in_a_row_ < Surfaces(kBadFor_s);
   if (sure_of_events || depth_fusion_.contradictions() < kContradictions) return;
   const std::int64_t now_ns = motion_.time_ns();
-  const Vector6d& velocity = depth_fusion_.velocity_event();
+  // What two images span of the motion before a standstill says nothing of now.
+  const bool of_now = !held_ || depth_fusion_.velocity_since_ns() >= last_active_ns_;
+  const Vector6d velocity = of_now ? depth_fusion_.velocity_event() : Vector6d(Vector6d::Zero());
   StartAt(now_ns, depth.T_world_event * Exp(velocity * SecondsFromNs(now_ns - depth.t_ns)), velocity);
   last_active_ns_ = now_ns;
   missing_ = coasted_ = true;
@@ -166,8 +165,7 @@ void Tracker::Reset() {
   chapter_covariance_.clear();
   started_ns_ = searched_ns_ = 0;
   T_world_started_ = Rigid3();
-  activity_hz_.clear();
-  usual_activity_hz_ = 0;
+  activity_.Clear();
 }
 
 int Tracker::Surfaces(double span_s) const {
@@ -204,7 +202,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
   const bool may_move = surface.still && !held_ && unseen_s < kMaxCoast_s;
-  missing_ = may_move && (missing_ || EventsEndedSuddenly()) &&
+  missing_ = may_move && (missing_ || activity_.EndedSuddenly()) &&
              MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   held_ = surface.still && !coasting_;
@@ -255,12 +253,13 @@ bool Tracker::StartFromRest() {
 }
 
 void Tracker::NoteActivity(const Surface& surface) {
-  if (!surface.still) {
-    usual_activity_hz_ += (surface.activity_hz - usual_activity_hz_) / (kUsualForgets_s * options_.surface.rate_hz);
-    last_active_ns_ = surface.t_ns;
-  }
-  activity_hz_.push_back(surface.activity_hz);
-  if (static_cast<int>(activity_hz_.size()) > Surfaces(kActivitySpan_s)) activity_hz_.pop_front();
+  if (!surface.still) last_active_ns_ = surface.t_ns;
+  const bool known = state_ == TrackingState::kTracking && suspicious_in_a_row_ == 0;
+  activity_.Note(surface, known ? Flow_px_s(MeanVelocity()) : 0);
+}
+
+double Tracker::Flow_px_s(const Vector6d& velocity_event) const {
+  return FlowAcrossEdges_px_s(map_->points, motion_.pose().inverse() * map_->T_world_ref, velocity_event, camera_);
 }
 
 void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
@@ -319,20 +318,17 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
 
 bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit().gyroscope); }
 
-bool Tracker::EventsEndedSuddenly() const {
-  return !activity_hz_.empty() && activity_hz_.front() > kSuddenFactor * options_.surface.still_activity_hz &&
-         activity_hz_.front() > kSuddenShare * usual_activity_hz_;
-}
-
 MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
   return ahead.Predict(t_ns);
 }
 
-bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) const {
+bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
+  const bool ruled_out = activity_.RulesOut(Flow_px_s(now.velocity_event), SecondsFromNs(t_ns - motion_.time_ns()));
+  if (ruled_out && !motion_.knows_acceleration()) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down.

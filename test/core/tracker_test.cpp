@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -275,6 +276,28 @@ TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
   EXPECT_LT(tracker->MeanVelocity().norm(), 1e-6);
 }
 
+TEST(Tracker, HoldsThePoseAfterAHardStop) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  std::optional<PoseEstimate> pose;
+  double x_m = 0, last_m_s = 0;
+  const auto step = [&](double speed_m_s) {
+    const std::int64_t t_ns = (pose ? pose->t_ns : 0) + kPeriod_ns;
+    x_m += 0.01 * speed_m_s;
+    const double activity_hz = 10 * (speed_m_s + std::exchange(last_m_s, speed_m_s));  // of 20 ms
+    Surface surface = Seen(t_ns, Rigid3::Translation({x_m, 0, 0}));
+    if (activity_hz == 0) surface = Still(t_ns, 0);
+    surface.activity_hz = activity_hz;
+    pose = tracker.Track(surface);
+  };
+  for (int k = 0; k < 100; ++k) step(0.5);
+  for (const double speed_m_s : {0.42, 0.34, 0.25, 0.14, 0.05}) step(speed_m_s);
+  for (int k = 0; k < 60; ++k) step(0);
+  ASSERT_TRUE(pose);
+  EXPECT_LT(std::abs(pose->T_world_event.translation().x() - x_m), 0.01);
+  EXPECT_LT(pose->velocity_event.norm(), 1e-6);
+}
+
 TEST(Tracker, CoastsOnWhenEventsEndSuddenlyAndIsNotCertainOfIt) {
   const auto tracker = Moving();
   const auto before = tracker->Track(Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns)));
@@ -538,6 +561,23 @@ TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionTh
     for (int i = 0; i < 3; ++i) pose = tracker->Track(Still(t_ns += kPeriod_ns));
   }
   EXPECT_NEAR((held.inverse() * pose->T_world_event).translation().x(), 0.2, 0.03);
+}
+
+TEST(Tracker, TakesNoVelocityInAStandstillFromADepthImageOfBefore) {
+  const auto tracker = Moving();
+  const Rigid3 off = Rigid3::Translation({0.05, 0, 0}), stopped = TrueAt(kNow_ns);
+  tracker->AddDepthPose(ByDepth(kNow_ns - 10 * kPeriod_ns, TrueAt(kNow_ns - 10 * kPeriod_ns) * off));
+  std::int64_t t_ns = kNow_ns;
+  for (const double activity_hz : {3.0, 1.5, 0.5, 0.2}) {
+    Surface slow = Seen(t_ns += kPeriod_ns, stopped);
+    slow.activity_hz = activity_hz;
+    tracker->Track(slow);
+  }
+  std::optional<PoseEstimate> pose;
+  for (int k = 0; k < 6; ++k) pose = tracker->Track(Still(t_ns += kPeriod_ns));
+  tracker->AddDepthPose(ByDepth(t_ns, stopped * off));
+  for (int k = 0; k < 40; ++k) pose = tracker->Track(Still(t_ns += kPeriod_ns));
+  EXPECT_LT(Log((stopped * off).inverse() * pose->T_world_event).norm(), 0.01);
 }
 
 TEST(Tracker, BelievesDepthWhereSurfacesMatchNextToNothing) {

@@ -33,6 +33,7 @@ class DepthFusion {
   int contradictions() const { return contradictions_; }
   std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
   const Vector6d& velocity_event() const { return velocity_; }  ///< from the last two; 0: they are far apart
+  std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }
   /// By how events and depth come apart: squared errors of poses over what is stated of them.
@@ -50,6 +51,7 @@ class DepthFusion {
   std::int64_t agreed_ns_ = 0, found_ns_ = 0;
   std::optional<DepthPose> last_;
   Vector6d velocity_ = Vector6d::Zero();
+  std::int64_t velocity_since_ns_ = 0;
   ErrorScale error_scale_;
 };
 

@@ -16,6 +16,9 @@ struct InertialFit {
 /// zeros, it is far from it.
 bool IsPlausibleForce(double force_m_s2);
 
+/// Larger than poses that err make a sensor's look that is well mounted.
+bool FitsBadly(double times_its_errors);
+
 /// So large that nothing of its readings is of use: axes, signs or units, or stamps many hundredths of a second off.
 bool FitsNotAtAll(double times_its_errors);
 

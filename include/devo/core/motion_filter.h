@@ -77,6 +77,8 @@ class MotionFilter {
   const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
   /// A good gyroscope's errors over those that it is taken to have now, up to 1.
   double gyroscope_trust() const;
+  /// Whether an accelerometer that fits the motion is in use, and it is known which way is down.
+  bool knows_acceleration() const;
   /// Of the sensor's readings with the poses, about the worst of the last seconds.
   InertialFit inertial_fit() const;
   void Reset();

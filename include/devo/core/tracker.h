@@ -12,6 +12,7 @@
 #include "devo/core/camera.h"
 #include "devo/core/depth_fusion.h"
 #include "devo/core/depth_pose.h"
+#include "devo/core/event_activity.h"
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/local_map.h"
 #include "devo/core/motion_filter.h"
@@ -70,6 +71,8 @@ class Tracker {
   /// From where depth contradicts; false: that is no better.
   bool TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event, AlignmentResult* result);
   void NoteActivity(const Surface& surface);
+  /// Of the map's edges, seen from the last pose by a camera of this velocity.
+  double Flow_px_s(const Vector6d& velocity_event) const;
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
@@ -82,11 +85,10 @@ class Tracker {
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   bool InertialFits() const;  // as far as is known
-  bool EventsEndedSuddenly() const;
   /// With the inertial sensor's readings, where there are any.
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
   /// By what is known of its velocity, not by events.
-  bool IsMoving(std::int64_t t_ns, double unseen_s) const;
+  bool IsMoving(std::int64_t t_ns, double unseen_s);
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   /// `covariance`: of the predicted pose.
@@ -105,12 +107,12 @@ class Tracker {
   DepthFusion depth_fusion_;
   bool held_ = false, coasting_ = false;    // at the last surface: the camera stood still; events were missing
   std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
+  EventActivity activity_;
   Relocalizer relocalizer_;
   std::uint64_t epoch_ = 0;
   TrackingState state_ = TrackingState::kInitialising;
   int bad_in_a_row_ = 0, suspicious_in_a_row_ = 0;
-  double usual_share_ = 0.5;      // of matched points while tracking
-  double usual_activity_hz_ = 0;  // while moving
+  double usual_share_ = 0.5;  // of matched points while tracking
   std::int64_t last_active_ns_ = 0;
   std::int64_t last_found_ns_ = 0;  // when tracking was not lost, or a chapter began
   std::int64_t started_ns_ = 0;     // when motion_ was last started at a known pose
@@ -125,7 +127,6 @@ class Tracker {
   bool missing_ = false;                      // events ended while moving
   bool coasted_ = false;                      // and came back, but the pose has not been found yet
   Rigid3 T_world_before_;                     // last pose before tracking degraded
-  std::deque<double> activity_hz_;            // of the last surfaces, oldest first
 };
 
 }  // namespace devo

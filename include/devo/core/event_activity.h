@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+//
+// What it says of a camera's motion that events end: a camera that slows down makes fewer and fewer of them, and one
+// that moves on makes as many per pixel of motion as before.
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <vector>
+
+#include "devo/core/camera.h"
+#include "devo/core/local_map.h"
+#include "devo/core/rigid3.h"
+#include "devo/core/surface.h"
+
+namespace devo {
+
+/// How fast those of the map's edges that are in view move across themselves in the image of a camera of velocity
+/// [v; omega] (m/s, rad/s), in the mean: along themselves they make no events. A sample of them; 0 where none is seen.
+double FlowAcrossEdges_px_s(const std::vector<MapPoint>& points, const Rigid3& T_event_ref,
+                            const Vector6d& velocity_event, const Camera& camera);
+
+/// Not thread-safe.
+class EventActivity {
+ public:
+  /// `rate_hz`: of surfaces. `still_hz`: events per pixel and second below which a surface is still.
+  EventActivity(double rate_hz, double still_hz) : rate_hz_(rate_hz), still_hz_(still_hz) {}
+
+  /// One for each surface, in the order of time. `flow_px_s`: across edges, 0 where it is not known.
+  void Note(const Surface& surface, double flow_px_s);
+
+  /// Whether the last events ended faster than a camera could stop: it is events that are missing. Not where they had
+  /// been few.
+  bool EndedSuddenly() const;
+
+  /// For each still surface, `since_s` after the one before: whether edges cannot have moved as fast as `flow_px_s`,
+  /// since, on a way longer than edges need to make their events, it would have made clearly more of them than a
+  /// standstill has. False before any motion has been seen.
+  bool RulesOut(double flow_px_s, double since_s);
+
+  void SetStill(double still_hz) { still_hz_ = still_hz; }
+  void Clear();
+
+ private:
+  std::size_t Surfaces(double span_s) const;
+
+  double rate_hz_, still_hz_;
+  std::deque<double> past_hz_;            // of the last surfaces, oldest first
+  double known_hz_ = 0, known_px_s_ = 0;  // in motion
+  double unseen_px_ = 0;                  // that would have shown, since the last motion
+};
+
+}  // namespace devo

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/event_activity.h"
+
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace devo {
+namespace {
+
+constexpr double kStill_hz = 0.15;
+
+Surface With(double activity_hz) {
+  Surface surface;
+  surface.activity_hz = activity_hz;
+  surface.still = activity_hz < kStill_hz;
+  return surface;
+}
+
+/// A camera that has made 0.04 events per pixel of motion, at 250 px/s.
+EventActivity Moving(double rate_hz = 100) {
+  EventActivity activity(rate_hz, kStill_hz);
+  for (int k = 0; k < rate_hz; ++k) activity.Note(With(10), 250);
+  return activity;
+}
+
+bool EndedSuddenlyAfter(EventActivity activity, const std::vector<double>& activities_hz) {
+  for (const double activity_hz : activities_hz) activity.Note(With(activity_hz), 0);
+  return activity.EndedSuddenly();
+}
+
+TEST(FlowAcrossEdges, IsThatOfTheEdgesInViewAcrossThemselves) {
+  const Camera camera(640, 480, 500, 500, 319.5, 239.5, "none", {});
+  MapPoint upright, lying, unseen;
+  upright.p_ref = lying.p_ref = {0, 0, 2};
+  upright.normal_ref = unseen.normal_ref = {1, 0, 0};
+  lying.normal_ref = {0, 1, 0};
+  unseen.p_ref = {0, 0, -2};
+  Vector6d sideways = Vector6d::Zero(), turning = Vector6d::Zero();
+  sideways[0] = 0.2;
+  turning[4] = -0.1;  // makes up for it
+  EXPECT_NEAR(FlowAcrossEdges_px_s({upright, unseen}, Rigid3(), sideways, camera), 50, 1e-3);
+  EXPECT_NEAR(FlowAcrossEdges_px_s({upright, lying}, Rigid3(), sideways, camera), 25, 1e-3);
+  EXPECT_NEAR(FlowAcrossEdges_px_s({upright, lying}, Rigid3(), sideways + turning, camera), 0, 1e-3);
+  EXPECT_EQ(FlowAcrossEdges_px_s({unseen}, Rigid3(), sideways, camera), 0);
+}
+
+// Rates are means over 20 ms: those of events that end at once fall over two surfaces.
+TEST(EventActivity, TellsMissingEventsFromAHardStop) {
+  EXPECT_TRUE(EndedSuddenlyAfter(Moving(), {9.5}));
+  EXPECT_TRUE(EndedSuddenlyAfter(Moving(), {5.5, 0.3}));
+  EXPECT_TRUE(EndedSuddenlyAfter(Moving(), {9, 7, 4, 0.5})) << "while it slows down";
+  // From 1.5 m/s at 2.5 m within 60 ms.
+  EXPECT_FALSE(EndedSuddenlyAfter(Moving(), {9, 6.5, 3.5, 1.2, 0.2}));
+}
+
+TEST(EventActivity, TellsThemAtOtherRatesOfSurfacesToo) {
+  EXPECT_TRUE(EndedSuddenlyAfter(Moving(50), {0.5}));
+  EXPECT_FALSE(EndedSuddenlyAfter(Moving(50), {6.5, 1.2, 0.1}));
+  EXPECT_TRUE(EndedSuddenlyAfter(Moving(200), {7.5, 5, 2.5}));
+  EXPECT_FALSE(EndedSuddenlyAfter(Moving(200), {9, 8, 6.5, 5, 3.5, 2.2, 1.2, 0.6, 0.2}));
+}
+
+TEST(EventActivity, TakesTheEndOfAHandfulOfEventsForAStop) {
+  EventActivity activity(100, kStill_hz);
+  for (int k = 0; k < 100; ++k) activity.Note(With(2 * kStill_hz), 10);
+  EXPECT_FALSE(activity.EndedSuddenly());
+}
+
+TEST(EventActivity, RulesOutAMotionThatWouldHaveMadeEventsOnceItHasPassedTheWidthOfAnEdge) {
+  EventActivity activity = Moving();
+  EXPECT_FALSE(activity.RulesOut(60, 0.01));
+  EXPECT_FALSE(activity.RulesOut(60, 0.01));
+  EXPECT_TRUE(activity.RulesOut(60, 0.01)) << "after 1.8 px";
+  activity.Note(With(10), 250);
+  EXPECT_FALSE(activity.RulesOut(60, 0.01)) << "it has moved since";
+}
+
+TEST(EventActivity, DoesNotRuleOutAMotionThatMakesHardlyMoreEventsThanAStandstill) {
+  EventActivity activity = Moving();
+  for (int k = 0; k < 100; ++k) ASSERT_FALSE(activity.RulesOut(15, 0.01)) << k;
+}
+
+TEST(EventActivity, RulesOutNothingBeforeAnyMotionWasSeen) {
+  EventActivity activity(100, kStill_hz);
+  for (int k = 0; k < 100; ++k) {
+    activity.Note(With(10), 0);
+    ASSERT_FALSE(activity.RulesOut(1000, 0.01)) << k;
+  }
+}
+
+}  // namespace
+}  // namespace devo

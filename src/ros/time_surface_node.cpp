@@ -114,13 +114,15 @@ void TimeSurfaceNode::OnOptions(const OdometryOptions& options) {
 }
 
 void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estimate) {
-  const ros::WallTime now = ros::WallTime::now();
+  // This thread may be busy with the next events when the pose is out.
+  ros::WallTime published = ros::WallTime::now();
+  if (estimate->published_ns > 0) published.fromNSec(static_cast<std::uint64_t>(estimate->published_ns));
   const std::lock_guard<std::mutex> lock(mutex_);
   if (estimate->epoch != epoch_) return;
   last_pose_ = estimate;
   while (!awaiting_pose_.empty() && awaiting_pose_.front().first <= estimate->t_ns) {
     if (awaiting_pose_.front().first == estimate->t_ns && estimate->state != TrackingState::kInitialising) {
-      latency_ms_.Add(1e3 * (now - awaiting_pose_.front().second).toSec());
+      latency_ms_.Add(1e3 * (published - awaiting_pose_.front().second).toSec());
     }
     awaiting_pose_.pop_front();
   }

@@ -211,6 +211,7 @@ void TrackingNode::Answer(const Surface& surface, const std::optional<PoseEstima
     answer->t_ns = surface.t_ns;
     answer->epoch = surface.epoch;
   }
+  answer->published_ns = static_cast<std::int64_t>(ros::WallTime::now().toNSec());
   tracked_pose_publisher_.publish(boost::shared_ptr<const PoseEstimate>(answer));
   std::uint64_t dropped = 0;
   {

@@ -43,6 +43,7 @@ struct PoseEstimate {
   double inlier_share = 0;      ///< matched points / points that should have been seen, 0..1
   double mean_residual_px = 0;  ///< mean absolute distance of the matched points
   int iterations = 0;
+  std::int64_t published_ns = 0;  ///< by the host's clock; 0: not yet, or in another process
 };
 
 }  // namespace devo

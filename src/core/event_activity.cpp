@@ -22,8 +22,8 @@ constexpr std::size_t kPointsOfFlow = 100;
 
 }  // namespace
 
-double FlowAcrossEdges_px_s(const std::vector<MapPoint>& points, const Rigid3& T_event_ref,
-                            const Vector6d& velocity_event, const Camera& camera) {
+double FlowAcrossEdges(const std::vector<MapPoint>& points, const Rigid3& T_event_ref, const Vector6d& velocity_event,
+                       const Camera& camera) {
   const Eigen::Matrix3f R_event_ref = T_event_ref.rotation().toRotationMatrix().cast<float>();
   const std::size_t stride = std::max<std::size_t>(1, points.size() / kPointsOfFlow);
   double sum = 0;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 
 namespace devo {
 namespace {
@@ -116,8 +117,8 @@ inline void EventWarp::Count(const Waiting& event) {
   std::memcpy(upper, &upper_pair, sizeof(upper_pair));
   std::memcpy(lower, &lower_pair, sizeof(lower_pair));
   std::int8_t& sign = signs_[event.pixel + share.nearest];
-  const int sum = sign + 2 * event.polarity - 1, clamped = static_cast<std::int8_t>(sum);
-  sign = static_cast<std::int8_t>(sum == clamped ? sum : sign);
+  constexpr int kMost = std::numeric_limits<std::int8_t>::max();
+  sign = static_cast<std::int8_t>(std::clamp(sign + 2 * event.polarity - 1, -kMost, kMost));
 }
 
 }  // namespace devo

@@ -255,11 +255,11 @@ bool Tracker::StartFromRest() {
 void Tracker::NoteActivity(const Surface& surface) {
   if (!surface.still) last_active_ns_ = surface.t_ns;
   const bool known = state_ == TrackingState::kTracking && suspicious_in_a_row_ == 0;
-  activity_.Note(surface, known ? Flow_px_s(MeanVelocity()) : 0);
+  activity_.Note(surface, known ? Flow(MeanVelocity()) : 0);
 }
 
-double Tracker::Flow_px_s(const Vector6d& velocity_event) const {
-  return FlowAcrossEdges_px_s(map_->points, motion_.pose().inverse() * map_->T_world_ref, velocity_event, camera_);
+double Tracker::Flow(const Vector6d& velocity_event) const {
+  return FlowAcrossEdges(map_->points, motion_.pose().inverse() * map_->T_world_ref, velocity_event, camera_);
 }
 
 void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
@@ -327,7 +327,7 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
-  const bool ruled_out = activity_.RulesOut(Flow_px_s(now.velocity_event), SecondsFromNs(t_ns - motion_.time_ns()));
+  const bool ruled_out = activity_.RulesOut(Flow(now.velocity_event), SecondsFromNs(t_ns - motion_.time_ns()));
   if (ruled_out && !motion_.knows_acceleration()) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an

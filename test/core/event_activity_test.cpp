@@ -39,10 +39,10 @@ TEST(FlowAcrossEdges, IsThatOfTheEdgesInViewAcrossThemselves) {
   Vector6d sideways = Vector6d::Zero(), turning = Vector6d::Zero();
   sideways[0] = 0.2;
   turning[4] = -0.1;  // makes up for it
-  EXPECT_NEAR(FlowAcrossEdges_px_s({upright, unseen}, Rigid3(), sideways, camera), 50, 1e-3);
-  EXPECT_NEAR(FlowAcrossEdges_px_s({upright, lying}, Rigid3(), sideways, camera), 25, 1e-3);
-  EXPECT_NEAR(FlowAcrossEdges_px_s({upright, lying}, Rigid3(), sideways + turning, camera), 0, 1e-3);
-  EXPECT_EQ(FlowAcrossEdges_px_s({unseen}, Rigid3(), sideways, camera), 0);
+  EXPECT_NEAR(FlowAcrossEdges({upright, unseen}, Rigid3(), sideways, camera), 50, 1e-3);
+  EXPECT_NEAR(FlowAcrossEdges({upright, lying}, Rigid3(), sideways, camera), 25, 1e-3);
+  EXPECT_NEAR(FlowAcrossEdges({upright, lying}, Rigid3(), sideways + turning, camera), 0, 1e-3);
+  EXPECT_EQ(FlowAcrossEdges({unseen}, Rigid3(), sideways, camera), 0);
 }
 
 // Rates are means over 20 ms: those of events that end at once fall over two surfaces.

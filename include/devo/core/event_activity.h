@@ -15,10 +15,11 @@
 
 namespace devo {
 
-/// How fast those of the map's edges that are in view move across themselves in the image of a camera of velocity
-/// [v; omega] (m/s, rad/s), in the mean: along themselves they make no events. A sample of them; 0 where none is seen.
-double FlowAcrossEdges_px_s(const std::vector<MapPoint>& points, const Rigid3& T_event_ref,
-                            const Vector6d& velocity_event, const Camera& camera);
+/// How fast (px/s) those of the map's edges that are in view move across themselves in the image of a camera of
+/// velocity [v; omega] (m/s, rad/s), in the mean: along themselves they make no events. A sample of them; 0 where none
+/// is seen.
+double FlowAcrossEdges(const std::vector<MapPoint>& points, const Rigid3& T_event_ref, const Vector6d& velocity_event,
+                       const Camera& camera);
 
 /// Not thread-safe.
 class EventActivity {

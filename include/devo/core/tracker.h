@@ -71,8 +71,8 @@ class Tracker {
   /// From where depth contradicts; false: that is no better.
   bool TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event, AlignmentResult* result);
   void NoteActivity(const Surface& surface);
-  /// Of the map's edges, seen from the last pose by a camera of this velocity.
-  double Flow_px_s(const Vector6d& velocity_event) const;
+  /// Of the map's edges across themselves, px/s, seen from the last pose by a camera of this velocity.
+  double Flow(const Vector6d& velocity_event) const;
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.

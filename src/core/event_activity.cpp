@@ -30,7 +30,7 @@ double FlowAcrossEdges(const std::vector<MapPoint>& points, const Rigid3& T_even
   int count = 0;
   for (std::size_t i = 0; i < points.size(); i += stride) {
     const Eigen::Vector3f p_event = (T_event_ref * points[i].p_ref.cast<double>()).cast<float>();
-    if (!(p_event.z() > 0) || !camera.Project(p_event.cast<double>())) continue;
+    if (!camera.Project(p_event.cast<double>())) continue;
     const Eigen::Vector2f normal = ProjectNormal(points[i].normal_ref, R_event_ref, p_event);
     sum += std::abs(normal.dot(ImageVelocity(velocity_event, p_event, camera)));
     ++count;

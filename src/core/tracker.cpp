@@ -254,7 +254,7 @@ bool Tracker::StartFromRest() {
 
 void Tracker::NoteActivity(const Surface& surface) {
   if (!surface.still) last_active_ns_ = surface.t_ns;
-  const bool known = state_ == TrackingState::kTracking && suspicious_in_a_row_ == 0;
+  const bool known = !surface.still && state_ == TrackingState::kTracking && suspicious_in_a_row_ == 0;
   activity_.Note(surface, known ? Flow(MeanVelocity()) : 0);
 }
 

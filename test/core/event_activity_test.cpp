@@ -29,7 +29,7 @@ bool EndedSuddenlyAfter(EventActivity activity, const std::vector<double>& activ
   return activity.EndedSuddenly();
 }
 
-TEST(FlowAcrossEdges, IsThatOfTheEdgesInViewAcrossThemselves) {
+TEST(FlowAcrossEdges, IsThatOfTheEdgesBeforeTheCameraAcrossThemselves) {
   const Camera camera(640, 480, 500, 500, 319.5, 239.5, "none", {});
   MapPoint upright, lying, unseen;
   upright.p_ref = lying.p_ref = {0, 0, 2};

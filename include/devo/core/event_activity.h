@@ -15,9 +15,9 @@
 
 namespace devo {
 
-/// How fast (px/s) those of the map's edges that are in view move across themselves in the image of a camera of
-/// velocity [v; omega] (m/s, rad/s), in the mean: along themselves they make no events. A sample of them; 0 where none
-/// is seen.
+/// How fast (px/s) those of a local map's edges that lie before the camera move across themselves in its image at the
+/// velocity [v; omega] (m/s, rad/s), in the mean: along themselves they make no events. A sample of them; 0 where there
+/// are none.
 double FlowAcrossEdges(const std::vector<MapPoint>& points, const Rigid3& T_event_ref, const Vector6d& velocity_event,
                        const Camera& camera);
 
@@ -27,7 +27,8 @@ class EventActivity {
   /// `rate_hz`: of surfaces. `still_hz`: events per pixel and second below which a surface is still.
   EventActivity(double rate_hz, double still_hz) : rate_hz_(rate_hz), still_hz_(still_hz) {}
 
-  /// One for each surface, in the order of time. `flow_px_s`: across edges, 0 where it is not known.
+  /// One for each surface, in the order of time. `flow_px_s`: across edges, 0 where it is not known; not
+  /// used of still ones.
   void Note(const Surface& surface, double flow_px_s);
 
   /// Whether the last events ended faster than a camera could stop: it is events that are missing. Not where they had

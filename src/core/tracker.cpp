@@ -41,6 +41,9 @@ constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not t
 constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
+// Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
+// deviation of what the edges in view have of it together.
+constexpr double kDelaySpread = 0.5;
 constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
@@ -279,7 +282,9 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
   Matrix6d covariance = depth_fusion_.variance_scale() * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
-  const double clock_variance_s2 = inertial_prior_ ? motion_.delay_variance_s2() : std::pow(depth_fusion_.delay_s(), 2);
+  const double clock_variance_s2 = inertial_prior_
+                                       ? motion_.delay_variance_s2() + std::pow(kDelaySpread * motion_.delay_s(), 2)
+                                       : std::pow(depth_fusion_.delay_s(), 2);
   covariance += clock_variance_s2 * now.velocity_event * now.velocity_event.transpose();
   const auto chapter = static_cast<std::size_t>(map_->chapter);
   if (chapter < chapter_covariance_.size()) covariance += chapter_covariance_[chapter];

@@ -27,9 +27,9 @@ double ScaleAfter(double span_s, double sigma, const Matrix6d& stated, const Vec
   return scale.variance_scale();
 }
 
-TEST(ErrorScale, IsOneBeforeTwoImagesAreHalfASecondApart) {
-  EXPECT_EQ(ErrorScale().variance_scale(), 1);
-  EXPECT_EQ(ScaleAfter(0.5, 1, 1e-4 * Matrix6d::Identity()), 1);
+TEST(ErrorScale, SaysNothingNewBeforeTwoImagesAreHalfASecondApart) {
+  EXPECT_EQ(ScaleAfter(0.5, 1, 1e-4 * Matrix6d::Identity()), ErrorScale().variance_scale());
+  EXPECT_NE(ScaleAfter(0.6, 1, 1e-4 * Matrix6d::Identity()), ErrorScale().variance_scale());
 }
 
 TEST(ErrorScale, GrowsWithTheSquareOfTheErrors) {

@@ -20,16 +20,19 @@ class ErrorScale {
   /// covariance. In the order of time.
   void Note(std::int64_t t_ns, const Vector6d& apart, const Matrix6d& stated);
 
-  /// Of variances; 1 before anything is known.
+  /// Of variances; kFirstScale before anything is known.
   double variance_scale() const;
 
  private:
+  /// What is stated is cautious (it counts what a motion might have done).
+  static constexpr double kFirstScale = 0.5;
+
   struct Difference {
     std::int64_t t_ns;
     Vector6d apart;
   };
   std::deque<Difference> past_;
-  double known_s_ = 0, scale_ = 1;
+  double known_s_ = 0, scale_ = kFirstScale;
 };
 
 }  // namespace devo

@@ -8,10 +8,10 @@
 #include <benchmark/benchmark.h>
 
 #include "devo/core/alignment.h"
-#include "devo/core/crests.h"
 #include "devo/core/depth_registration.h"
 #include "devo/core/local_map.h"
 #include "devo/core/mapper.h"
+#include "devo/core/nearest_edge_field.h"
 #include "devo/core/noise_filter.h"
 #include "devo/core/relocalizer.h"
 #include "devo/core/surface_builder.h"

@@ -25,6 +25,7 @@
 
 #include "devo/core/camera.h"
 #include "devo/core/crests.h"
+#include "devo/core/nearest_edge_field.h"
 #include "devo/core/rig.h"
 #include "devo/core/silhouettes.h"
 #include "devo/core/time.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "devo/core/crests.h"
+#include "devo/core/nearest_edge_field.h"
 
 namespace devo {
 namespace {

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "devo/core/crests.h"
+#include "devo/core/nearest_edge_field.h"
 #include "devo/core/noise_filter.h"
 #include "devo/core/surface_pool.h"
 #include "devo/core/time.h"

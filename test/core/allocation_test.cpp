@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "devo/core/alignment.h"
-#include "devo/core/crests.h"
+#include "devo/core/nearest_edge_field.h"
 
 namespace {
 std::atomic<long> allocations{0};

@@ -7,6 +7,7 @@
 
 #include "devo/core/alignment.h"
 #include "devo/core/edge_motion.h"
+#include "devo/core/nearest_edge_field.h"
 #include "segment_scene.h"
 
 namespace devo {

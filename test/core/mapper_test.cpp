@@ -11,7 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "depth_scene.h"
-#include "devo/core/crests.h"
+#include "devo/core/nearest_edge_field.h"
 #include "devo/core/time.h"
 
 namespace devo {

@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "devo/core/crests.h"
+#include "devo/core/nearest_edge_field.h"
 
 namespace devo {
 namespace {

@@ -12,8 +12,8 @@
 #include <opencv2/core/mat.hpp>
 
 #include "devo/core/camera.h"
-#include "devo/core/crests.h"
 #include "devo/core/local_map.h"
+#include "devo/core/nearest_edge_field.h"
 #include "devo/core/rigid3.h"
 #include "devo/core/surface.h"
 

@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include "devo/core/nearest_edge_field.h"
 #include "devo/core/time.h"
 #include "segment_scene.h"
 

@@ -33,8 +33,4 @@ int OccupiedQuantile(const cv::Mat1w& image, double quantile);
 void FindCrests(const cv::Mat1w& blurred, const SignedCounts& signed_events, int threshold,
                 std::vector<EdgePoint>* crests, bool clear_only = true);
 
-/// Nearest edge of every pixel within a square of +-`radius_px` (at most 30) around it, packed as Surface::nearest_edge
-/// says. `nearest` must have the image's size; of more than Surface::kMaxEdges edges the rest is left out.
-void BuildNearestEdgeField(const std::vector<EdgePoint>& edges, double radius_px, cv::Mat1i* nearest);
-
 }  // namespace devo

@@ -8,7 +8,10 @@
 #include "simd.h"
 
 #ifdef DEVO_AVX2
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // GCC 12 of its own header
 #include <immintrin.h>
+#pragma GCC diagnostic pop
 #endif
 
 namespace devo {
@@ -130,6 +133,36 @@ DEVO_AVX2 void MarkSquaresAvx2(const EdgePoint* edges, int count, int radius, Ro
     }
   }
 }
+
+/// The same, a row of a square at once.
+DEVO_AVX512 void MarkSquaresAvx512(const EdgePoint* edges, int count, int radius, RowsToFill* rows,
+                                   cv::Mat1i* nearest) {
+  const __m512i lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  const __m512i none = _mm512_set1_epi32(Surface::kNoEdge), radii = _mm512_set1_epi32(radius);
+  const __m512 scale = _mm512_set1_ps(kFieldScale);
+  const auto packed_squares = [&](__m512i pixels, float edge) DEVO_AVX512 {
+    const __m512 d = _mm512_sub_ps(_mm512_cvtepi32_ps(pixels), _mm512_set1_ps(edge));
+    return _mm512_slli_epi32(_mm512_cvttps_epi32(_mm512_mul_ps(_mm512_mul_ps(scale, d), d)), 16);
+  };
+  const std::size_t stride = nearest->step1();
+  for (int k = 0; k < count; ++k) {
+    const Square square(edges[k], radius, *nearest);
+    rows->Until(square.y1);
+    const int x0 = square.AlignedX0(nearest->cols);
+    const __m512i x = _mm512_add_epi32(lanes, _mm512_set1_epi32(x0));
+    const __m512i from_centre = _mm512_abs_epi32(_mm512_sub_epi32(x, _mm512_set1_epi32(square.cx)));
+    const __m512i dx2 =
+        _mm512_mask_mov_epi32(packed_squares(x, edges[k].x), _mm512_cmpgt_epi32_mask(from_centre, radii), none);
+    const __m512i y = _mm512_add_epi32(lanes, _mm512_set1_epi32(square.y0));
+    alignas(64) std::array<std::int32_t, 16> dy2;
+    _mm512_store_si512(dy2.data(), _mm512_add_epi32(packed_squares(y, edges[k].y), _mm512_set1_epi32(k)));
+    std::int32_t* p = (*nearest)[square.y0] + x0;
+    for (int row = 0; row <= square.y1 - square.y0; ++row, p += stride) {
+      const __m512i here = _mm512_add_epi32(dx2, _mm512_set1_epi32(dy2[row]));
+      _mm512_storeu_si512(p, _mm512_min_epi32(_mm512_loadu_si512(p), here));
+    }
+  }
+}
 #endif
 
 }  // namespace
@@ -141,6 +174,8 @@ void BuildNearestEdgeField(const std::vector<EdgePoint>& edges, double radius_px
   if (radius > kFastRadius || nearest->cols < kFastWidth) {
     for (int k = 0; k < count; ++k) MarkSquare(edges[k], k, radius, &rows, nearest);
 #ifdef DEVO_AVX2
+  } else if (HasAvx512()) {
+    MarkSquaresAvx512(edges.data(), count, radius, &rows, nearest);
   } else if (HasAvx2()) {
     MarkSquaresAvx2(edges.data(), count, radius, &rows, nearest);
 #endif

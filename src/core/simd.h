@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Where eight numbers at once pay, a function is compiled twice and chosen at run time: for the baseline of its
-// platform, and for AVX2, which x86 processors have had since 2013 and POPCNT with it. Both give the same bytes: AVX2
-// alone has no fused multiplication.
+// platform, and for AVX2, which x86 processors have had since 2013 and POPCNT with it; where sixteen pay, also for
+// AVX-512. All give the same bytes: AVX2 alone has no fused multiplication, and AVX-512 is used where no sum of a
+// product could be one.
 #pragma once
 
 #include <array>
@@ -19,12 +20,17 @@
 
 #if defined(__x86_64__) && defined(__GNUC__)
 #define DEVO_AVX2 __attribute__((target("avx2,popcnt")))
+#define DEVO_AVX512 __attribute__((target("avx512f")))
 #endif
 
 namespace devo {
 
-/// False also after cv::setUseOptimized(false).
+/// False also after cv::setUseOptimized(false), and where OPENCV_CPU_DISABLE=AVX2 in the environment says so.
 inline bool HasAvx2() { return cv::checkHardwareSupport(CV_CPU_AVX2); }
+
+/// The same with OPENCV_CPU_DISABLE=AVX512-SKX. The first processors that have it pay for it with their clock: those
+/// without its later part are not asked.
+inline bool HasAvx512() { return cv::checkHardwareSupport(CV_CPU_AVX512_SKX); }
 
 /// Has what will be written soon fetched meanwhile.
 inline void Prefetch(const void* address) {

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
+#include <filesystem>
 #include <random>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -88,6 +91,16 @@ TEST(NearestEdgeField, IsTheSameToTheBitWithAndWithoutWideRegisters) {
             << "width " << width << ", radius " << radius << ", wide registers " << optimised;
       }
     }
+  }
+}
+
+/// A processor's registers are looked up once in a process: narrower ones are tried in another.
+TEST(NearestEdgeField, IsTheSameOnAProcessorWithoutTheWidestRegisters) {
+  const std::string itself = std::filesystem::read_symlink("/proc/self/exe");
+  for (const std::string narrower : {"AVX512-SKX", "AVX512-SKX,AVX2"}) {
+    const std::string command = "OPENCV_CPU_DISABLE=" + narrower + " '" + itself +
+                                "' --gtest_filter=NearestEdgeField.IsTheSameToTheBit* --gtest_output= > /dev/null";
+    EXPECT_EQ(std::system(command.c_str()), 0) << command;
   }
 }
 

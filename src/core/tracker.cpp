@@ -23,13 +23,11 @@ constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 // Surfaces are compensated with the mean velocity of this span, about that of their events: the filter's velocity is
 // newer, but noisier, and its noise would come back through the surfaces.
 constexpr double kVelocitySpan_s = 0.04;
-constexpr double kDegradedShare = 0.35, kLostShare = 0.15;
+constexpr double kDegradedShare = 0.35;
 constexpr double kLostAfter_s = 0.2;          // of poses in a row that matched next to nothing, or far less than usual
 constexpr double kInertialLostAfter_s = 0.6;  // the same, bridged by an inertial sensor
-constexpr double kLostShareOfUsual = 0.4;
-constexpr double kFirstUsualShare = 0.5, kUsualForgets_s = 0.5;
-// A pose that matches this much less than usual may be a false one: a better is sought, every few surfaces.
-constexpr double kSuspiciousShare = 0.7, kBetterBy = 0.1;
+// Where a pose is suspicious a better is sought, every few surfaces.
+constexpr double kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
 // Before it was noticed that a pose is false, it was stated to be certain. Also in radians.
 constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03;
@@ -75,13 +73,15 @@ bool MayMove(const MotionFilter::Prediction& now) {
 
 Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
     : options_(options), camera_(event_camera.Undistorted()), motion_(options.tracking),
-      activity_(options.surface.rate_hz, options.surface.still_activity_hz), relocalizer_(camera_, options) {}
+      activity_(options.surface.rate_hz, options.surface.still_activity_hz), relocalizer_(camera_, options),
+      quality_(options.surface.rate_hz) {}
 
 void Tracker::SetOptions(const OdometryOptions& options) {
   options_ = options;
   motion_.SetOptions(options.tracking);
   activity_.SetStill(options.surface.still_activity_hz);
   relocalizer_.SetOptions(options);
+  quality_.SetRate(options.surface.rate_hz);
 }
 
 void Tracker::SetMap(LocalMapPtr map) {
@@ -115,7 +115,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
 void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
   if (by_events) T_world_by_depth_ = T_world_now;
-  const bool sure_of_events = by_events && bad_in_a_row_ < Surfaces(kBadFor_s);
+  const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
   if (sure_of_events || depth_fusion_.contradictions() < kContradictions) return;
   const std::int64_t now_ns = motion_.time_ns();
   // What two images span of the motion before a standstill says nothing of now.
@@ -132,7 +132,7 @@ void Tracker::BeginChapter(const LocalMap& map) {
   if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
   StartAt(map.t_ns, map.T_world_ref);
   last_found_ns_ = map.t_ns;
-  usual_share_ = kFirstUsualShare;
+  quality_.ForgetUsual();
   begun_ = coasted_ = unsure_ = follow_ = true;
 }
 
@@ -162,8 +162,7 @@ void Tracker::Reset() {
   rest_.Clear();
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
-  bad_in_a_row_ = suspicious_in_a_row_ = 0;
-  usual_share_ = kFirstUsualShare;
+  quality_.Reset();
   missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = false;
   chapter_covariance_.clear();
   started_ns_ = searched_ns_ = 0;
@@ -257,7 +256,7 @@ bool Tracker::StartFromRest() {
 
 void Tracker::NoteActivity(const Surface& surface) {
   if (!surface.still) last_active_ns_ = surface.t_ns;
-  const bool known = !surface.still && state_ == TrackingState::kTracking && suspicious_in_a_row_ == 0;
+  const bool known = !surface.still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
   activity_.Note(surface, known ? Flow(MeanVelocity()) : 0);
 }
 
@@ -351,7 +350,7 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
 }
 
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
-  if (suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
+  if (quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
   if (!InertialFits() || !Advance(t_ns, &motion_)) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
@@ -378,10 +377,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   }
   const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);
   const int search_every = Surfaces(kSearchEvery_s);
-  const bool suspicious = result.inlier_share < kSuspiciousShare * usual_share_;
-  if (suspicious && suspicious_in_a_row_ == 0) T_world_before_ = motion_.pose();
-  const bool in_turn = suspicious_in_a_row_ % search_every == search_every - 1;
-  const bool inertial_fits = inertial_prior_ && InertialFits(), bad = IsBad(result.inlier_share);
+  const bool suspicious = quality_.IsSuspicious(result.inlier_share);
+  if (suspicious && quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
+  const bool in_turn = quality_.suspicious_in_a_row() % search_every == search_every - 1;
+  const bool inertial_fits = inertial_prior_ && InertialFits(), bad = quality_.IsBad(result.inlier_share);
   // What a search did not find, the next surface hardly shows better.
   const bool searched = surface.t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
   // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
@@ -428,26 +427,20 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   const Matrix6d wide = covariance + unknown_m * unknown_m * Matrix6d::Identity();
   const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, wide, map_->chapter},
                                          state_ == TrackingState::kLost,
-                                         std::max(0.5 * usual_share_, result->inlier_share + kBetterBy));
+                                         std::max(0.5 * quality_.usual_share(), result->inlier_share + kBetterBy));
   if (!found) return false;
   *result = found->alignment;
   map_ = found->map;
   return true;
 }
 
-bool Tracker::IsBad(double inlier_share) const {
-  return inlier_share < std::max(kLostShare, kLostShareOfUsual * usual_share_);
-}
-
 void Tracker::UpdateState(PoseEstimate* pose) {
-  bad_in_a_row_ = IsBad(pose->inlier_share) ? bad_in_a_row_ + 1 : 0;
-  suspicious_in_a_row_ = pose->inlier_share < kSuspiciousShare * usual_share_ ? suspicious_in_a_row_ + 1 : 0;
-  const double usual_forgets = kUsualForgets_s * options_.surface.rate_hz;
-  usual_share_ += (pose->inlier_share - usual_share_) / (suspicious_in_a_row_ ? 10 * usual_forgets : usual_forgets);
+  quality_.Note(pose->inlier_share);
   const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kLostAfter_s;
-  if (bad_in_a_row_ >= Surfaces(inertial_prior_ ? kInertialLostAfter_s : kLostAfter_s) && !by_depth) {
+  if (quality_.bad_in_a_row() >= Surfaces(inertial_prior_ ? kInertialLostAfter_s : kLostAfter_s) && !by_depth) {
     state_ = TrackingState::kLost;
-  } else if (pose->inlier_share < kDegradedShare || (state_ == TrackingState::kLost && suspicious_in_a_row_ > 0)) {
+  } else if (pose->inlier_share < kDegradedShare ||
+             (state_ == TrackingState::kLost && quality_.suspicious_in_a_row() > 0)) {
     if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;
   } else {
     state_ = state_ == TrackingState::kLost ? TrackingState::kRecovered : TrackingState::kTracking;

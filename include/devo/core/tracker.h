@@ -15,6 +15,7 @@
 #include "devo/core/event_activity.h"
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/local_map.h"
+#include "devo/core/match_quality.h"
 #include "devo/core/motion_filter.h"
 #include "devo/core/options.h"
 #include "devo/core/pose_estimate.h"
@@ -93,8 +94,6 @@ class Tracker {
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   /// `covariance`: of the predicted pose.
   bool Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result);
-  /// Next to nothing was matched, or far less than usual.
-  bool IsBad(double inlier_share) const;
   void UpdateState(PoseEstimate* pose);
 
   OdometryOptions options_;
@@ -109,10 +108,9 @@ class Tracker {
   std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
   EventActivity activity_;
   Relocalizer relocalizer_;
+  MatchQuality quality_;
   std::uint64_t epoch_ = 0;
   TrackingState state_ = TrackingState::kInitialising;
-  int bad_in_a_row_ = 0, suspicious_in_a_row_ = 0;
-  double usual_share_ = 0.5;  // of matched points while tracking
   std::int64_t last_active_ns_ = 0;
   std::int64_t last_found_ns_ = 0;  // when tracking was not lost, or a chapter began
   std::int64_t started_ns_ = 0;     // when motion_ was last started at a known pose

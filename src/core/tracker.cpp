@@ -331,8 +331,8 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
-  const bool ruled_out = activity_.RulesOut(Flow(now.velocity_event), SecondsFromNs(t_ns - motion_.time_ns()));
-  if (ruled_out && !motion_.knows_acceleration()) return false;
+  activity_.NoteUnseen(Flow(now.velocity_event), SecondsFromNs(t_ns - motion_.time_ns()));
+  if (activity_.RulesOutMotion() && !motion_.knows_acceleration()) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down.

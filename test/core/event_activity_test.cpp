@@ -67,25 +67,31 @@ TEST(EventActivity, TakesTheEndOfAHandfulOfEventsForAStop) {
   EXPECT_FALSE(activity.EndedSuddenly());
 }
 
+/// After one more still surface, 10 ms after the one before.
+bool RulesOutMotionOf(double flow_px_s, EventActivity* activity) {
+  activity->NoteUnseen(flow_px_s, 0.01);
+  return activity->RulesOutMotion();
+}
+
 TEST(EventActivity, RulesOutAMotionThatWouldHaveMadeEventsOnceItHasPassedTheWidthOfAnEdge) {
   EventActivity activity = Moving();
-  EXPECT_FALSE(activity.RulesOut(60, 0.01));
-  EXPECT_FALSE(activity.RulesOut(60, 0.01));
-  EXPECT_TRUE(activity.RulesOut(60, 0.01)) << "after 1.8 px";
+  EXPECT_FALSE(RulesOutMotionOf(60, &activity));
+  EXPECT_FALSE(RulesOutMotionOf(60, &activity));
+  EXPECT_TRUE(RulesOutMotionOf(60, &activity)) << "after 1.8 px";
   activity.Note(With(10), 250);
-  EXPECT_FALSE(activity.RulesOut(60, 0.01)) << "it has moved since";
+  EXPECT_FALSE(RulesOutMotionOf(60, &activity)) << "it has moved since";
 }
 
 TEST(EventActivity, DoesNotRuleOutAMotionThatMakesHardlyMoreEventsThanAStandstill) {
   EventActivity activity = Moving();
-  for (int k = 0; k < 100; ++k) ASSERT_FALSE(activity.RulesOut(15, 0.01)) << k;
+  for (int k = 0; k < 100; ++k) ASSERT_FALSE(RulesOutMotionOf(15, &activity)) << k;
 }
 
 TEST(EventActivity, RulesOutNothingBeforeAnyMotionWasSeen) {
   EventActivity activity(100, kStill_hz);
   for (int k = 0; k < 100; ++k) {
     activity.Note(With(10), 0);
-    ASSERT_FALSE(activity.RulesOut(1000, 0.01)) << k;
+    ASSERT_FALSE(RulesOutMotionOf(1000, &activity)) << k;
   }
 }
 

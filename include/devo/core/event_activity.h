@@ -35,10 +35,13 @@ class EventActivity {
   /// been few.
   bool EndedSuddenly() const;
 
-  /// For each still surface, `since_s` after the one before: whether edges cannot have moved as fast as `flow_px_s`,
-  /// since, on a way longer than edges need to make their events, it would have made clearly more of them than a
-  /// standstill has. False before any motion has been seen.
-  bool RulesOut(double flow_px_s, double since_s);
+  /// For a still surface, `since_s` after the one before, in which edges are thought to have moved as fast as this.
+  void NoteUnseen(double flow_px_s, double since_s);
+
+  /// Whether what was thought cannot be, since the last motion that was seen: on a way longer than edges need to make
+  /// their events, it would have made clearly more of them than a standstill has. False before any motion has been
+  /// seen.
+  bool RulesOutMotion() const;
 
   void SetStill(double still_hz) { still_hz_ = still_hz; }
   void Clear();

@@ -356,37 +356,48 @@ void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   UpdateState(pose);
 }
 
+PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double scale) const {
+  PosePrior prior;
+  prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
+  const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
+  prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
+  prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
+  if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
+  return prior;
+}
+
+bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_fits) {
+  const int search_every = Surfaces(kSearchEvery_s);
+  const bool in_turn = quality_.suspicious_in_a_row() % search_every == search_every - 1;
+  // What a search did not find, the next surface hardly shows better.
+  const bool searched = t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
+  // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
+  const bool doubtful = in_turn && (quality_.IsBad(inlier_share) || !inertial_fits);
+  const bool wants = unsure_ || (quality_.IsSuspicious(inlier_share) && ((coasted_ && !searched) || doubtful));
+  if (wants) searched_ns_ = t_ns;
+  unsure_ = false;
+  return wants;
+}
+
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // While lost, velocities are guesses: nothing is built on them.
   const bool lost = state_ == TrackingState::kLost && !begun_;
   inertial_prior_ = !lost && Advance(surface.t_edges_ns, &motion_);
   const auto predicted = motion_.Predict(surface.t_edges_ns);
-  PosePrior prior;
-  prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
-  // The alignment counts in pixels per point: bring the prior to that scale.
+  // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
   const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
   const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * caution);
-  const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
-  prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
-  prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
-  if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
+  const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
     Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
     return;
   }
   const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);
-  const int search_every = Surfaces(kSearchEvery_s);
   const bool suspicious = quality_.IsSuspicious(result.inlier_share);
   if (suspicious && quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
-  const bool in_turn = quality_.suspicious_in_a_row() % search_every == search_every - 1;
   const bool inertial_fits = inertial_prior_ && InertialFits(), bad = quality_.IsBad(result.inlier_share);
-  // What a search did not find, the next surface hardly shows better.
-  const bool searched = surface.t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
-  // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
-  const bool search = unsure_ || (suspicious && ((coasted_ && !searched) || (in_turn && (bad || !inertial_fits))));
-  if (search) searched_ns_ = surface.t_ns;
-  unsure_ = false;
+  const bool search = WantsSearch(surface.t_ns, result.inlier_share, inertial_fits);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;

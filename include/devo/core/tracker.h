@@ -79,6 +79,11 @@ class Tracker {
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
   void Register(const Surface& surface, PoseEstimate* pose);
+  /// For an alignment whose information is `scale` squared times the filter's.
+  PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;
+  /// Whether a better pose is to be sought than one that matches this share, at the surface of this time; counts as
+  /// sought then.
+  bool WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_fits);
   /// The inertial sensor's readings from the filter's time to this.
   std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;
   /// With those readings; false: there are none.

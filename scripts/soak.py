@@ -162,9 +162,9 @@ class Health:
             steady = [w for t, w in windows if t >= history[0][0] + warm_up_s] or [windows[0][1]]
             for key in keys:
                 text = windows[0][1].get(key, '-')
-                if key.endswith('(ms)') and text != '-':
+                if key.endswith(('(ms)', '(Mev/s)')) and text != '-':
                     values = [float(w[key]) for w in steady]
-                    text = f'{np.median(values):.2f}, worst {self.WINDOW_S} s {max(values):.2f}'
+                    text = f'{np.median(values):.2f}, most in {self.WINDOW_S} s {max(values):.2f}'
                 print(f'| {task}: {key} | {text} |')
 
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kMinSpan_s = 0.5, kMaxSpan_s = 1.2;  // one of 1 s at all rates from 1 Hz
 // Of a squared difference over its expectation where what is stated of the poses is right: both are stated cautiously.
-constexpr double kUsual = 0.4;
+constexpr double kUsual = 0.42;
 // Errors are alike for tenths of a second: it takes some of them to know.
 constexpr double kForgets_s = 3;
 constexpr double kPrior_s = 0.2;  // of it are the scale before anything is known

@@ -45,8 +45,8 @@ BENCHMARK(DecodeEventArray)->Unit(benchmark::kMillisecond);
 /// The same with what follows at 100 surfaces per second: insertion, noise filter, surface, crests and field.
 void EventArrayToSurface(benchmark::State& state) {
   MovingEdges scene(640, 480, kRate_hz);
-  std::vector<std::vector<std::uint8_t>> messages;
-  for (int i = 0; i < 20; ++i) messages.push_back(SerializedEventArray(&scene));
+  std::vector<std::vector<std::uint8_t>> messages(20);
+  for (std::vector<std::uint8_t>& message : messages) message = SerializedEventArray(&scene);
   std::vector<Event> events;
   std::int64_t count = 0;
   for (auto _ : state) {

@@ -126,6 +126,7 @@ struct TunableConfig {
     static const Values lower_limits = make(false), upper_limits = make(true);
     return upper ? upper_limits : lower_limits;
   }
+  // NOLINTBEGIN(bugprone-reserved-identifier): the server's names
   static TunableConfig __getMin__() { return {Limits(false)}; }
   static TunableConfig __getMax__() { return {Limits(true)}; }
   static TunableConfig __getDefault__() { return {Values(OdometryOptions(), KeysOf(module))}; }
@@ -167,6 +168,7 @@ struct TunableConfig {
   }
   void __clamp__() {}
   std::uint32_t __level__(const TunableConfig&) const { return 0; }
+  // NOLINTEND(bugprone-reserved-identifier)
 };
 
 }  // namespace

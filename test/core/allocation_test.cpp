@@ -15,7 +15,7 @@ std::atomic<long> allocations{0};
 }
 
 extern "C" {
-void* __libc_malloc(std::size_t size);
+void* __libc_malloc(std::size_t size);  // NOLINT(bugprone-reserved-identifier,readability-identifier-naming)
 void* malloc(std::size_t size) noexcept {
   allocations.fetch_add(1, std::memory_order_relaxed);
   return __libc_malloc(size);
@@ -32,7 +32,7 @@ std::vector<MapPoint> Points(const Camera& camera, Surface* surface) {
   for (int y = 20; y < camera.height() - 20; y += 20) {
     for (int x = 20; x < camera.width() - 20; ++x) {
       const bool upright = x % 20 < 10;
-      const float u = upright ? static_cast<float>(x / 20 * 20) : static_cast<float>(x);
+      const float u = static_cast<float>(upright ? x - x % 20 : x);
       const float v = upright ? static_cast<float>(y + x % 20) : static_cast<float>(y);
       surface->edges.push_back({u, v, upright ? 1.0F : 0.0F, upright ? 0.0F : 1.0F, 5, 0});
       MapPoint point;

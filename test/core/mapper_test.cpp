@@ -33,7 +33,8 @@ DepthImage Wall(std::int64_t t_ns, float z_m = 2) { return {t_ns, cv::Mat1f(120,
 std::vector<EdgePoint> Edges(int count, float u0) {
   std::vector<EdgePoint> edges;
   for (int k = 0; k < count; ++k) {
-    edges.push_back({u0 + static_cast<float>(k / 50) * 8, 10 + static_cast<float>(k % 50) * 2, 1, 0, 5, 0});
+    const int column = k / 50, row = k % 50;
+    edges.push_back({u0 + static_cast<float>(8 * column), static_cast<float>(10 + 2 * row), 1, 0, 5, 0});
   }
   return edges;
 }

@@ -182,7 +182,9 @@ std::vector<MapPoint> CrowdAndSpread() {
 
 TEST(ReferenceMap, LetsGoOfTheMemoryOfPointsThatItDrops) {
   std::vector<MapPoint> points;
-  for (int k = 0; k < 400; ++k) points.push_back(PointAt(35 + k % 25 * 2, 35 + k / 25 * 3, 2));
+  for (int row = 0; row < 16; ++row) {
+    for (int column = 0; column < 25; ++column) points.push_back(PointAt(35 + 2 * column, 35 + 3 * row, 2));
+  }
   points.reserve(1000);
   ReferenceMap map = MapOf(points, 1000);
   EXPECT_EQ(map.references()[0].points.capacity(), points.size());
@@ -226,7 +228,9 @@ TEST(ReferenceMap, SelectsEverythingWhereThereIsNoCrowd) {
 
 TEST(ReferenceMap, PrefersPointsThatProvedThemselves) {
   std::vector<MapPoint> points;
-  for (int k = 0; k < 200; ++k) points.push_back(PointAt(35 + k % 25, 35 + k / 25 * 3, 2));
+  for (int row = 0; row < 8; ++row) {
+    for (int column = 0; column < 25; ++column) points.push_back(PointAt(35 + column, 35 + 3 * row, 2));
+  }
   ReferenceMap map = MapOf(points, 100);
   std::vector<Eigen::Vector2f> seen;  // those of the left half
   for (const auto& point : map.Project(Rigid3(), nullptr)) {

@@ -33,7 +33,7 @@ sim::SequenceOptions Short(const std::string& sensor) {
 /// A folder of this process: several runs of the tests may share the machine.
 const std::string& Folder() {
   static const std::string folder = [] {
-    const std::string path = testing::TempDir() + "sim_bag_writer_test_" + std::to_string(getpid());
+    std::string path = testing::TempDir() + "sim_bag_writer_test_" + std::to_string(getpid());
     mkdir(path.c_str(), 0777);
     return path;
   }();
@@ -42,7 +42,7 @@ const std::string& Folder() {
 
 /// Writes the sequence; `stem` below the test's folder.
 std::string Write(BagDialect dialect, const std::string& name, sim::Sequence* sequence, std::size_t* events = nullptr) {
-  const std::string stem = Folder() + "/" + name;
+  std::string stem = Folder() + "/" + name;
   const auto writer = SimBagWriter::Create(dialect, stem, *sequence);
   sim::Chunk chunk;
   while (sequence->Next(&chunk)) {

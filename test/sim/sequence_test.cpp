@@ -151,7 +151,7 @@ TEST(Sequence, FollowsTheTrajectoryOfATumFile) {
   file.precision(12);
   for (int i = 0; i <= 50; ++i) {
     const Rigid3 T = motion.PoseAt(0.02 * i);
-    const Eigen::Quaterniond q = T.rotation();
+    const Eigen::Quaterniond& q = T.rotation();
     file << 5 + 0.02 * i << ' ' << T.translation().transpose() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' '
          << q.w() << '\n';
   }
@@ -168,7 +168,7 @@ TEST(Sequence, FollowsTheTrajectoryOfATumFile) {
 }
 
 TEST(Sequence, NamesTheOptionThatItCannotUse) {
-  const auto message = [](SequenceOptions o) -> std::string {
+  const auto message = [](const SequenceOptions& o) -> std::string {
     try {
       Sequence sequence(o);
     } catch (const std::exception& e) {

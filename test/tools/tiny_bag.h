@@ -109,7 +109,7 @@ inline sensor_msgs::CameraInfo InfoOf(const TinyScene& scene, const std::string&
   info.width = static_cast<std::uint32_t>(scene.width);
   info.height = static_cast<std::uint32_t>(scene.height);
   info.distortion_model = "plumb_bob";
-  info.K = {scene.f_px, 0, scene.width / 2 - 0.5, 0, scene.f_px, scene.height / 2 - 0.5, 0, 0, 1};
+  info.K = {scene.f_px, 0, 0.5 * (scene.width - 1), 0, scene.f_px, 0.5 * (scene.height - 1), 0, 0, 1};
   return info;
 }
 

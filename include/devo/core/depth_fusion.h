@@ -32,7 +32,7 @@ class DepthFusion {
   /// Of the last depth images in a row, those that leave a direction open not counted.
   int contradictions() const { return contradictions_; }
   std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
-  const Vector6d& velocity_event() const { return velocity_; }  ///< from the last two; 0: they are far apart
+  const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: they are far apart
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }

@@ -13,7 +13,7 @@ namespace devo {
 /// of the package.
 inline std::string SharedData(const std::string& name) {
   const char* folder = std::getenv("DEVO_SHARED_DATA");
-  const std::string path =
+  std::string path =
       (folder != nullptr ? std::string(folder) : std::string(DEVO_SOURCE_DIR) + "/../shared/data") + "/" + name;
   if (std::ifstream(path).good()) return path;
   std::printf("skipped: '%s' does not exist (set DEVO_SHARED_DATA to the folder of the development recordings)\n",

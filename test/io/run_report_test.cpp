@@ -40,6 +40,7 @@ TEST(RunReport, CountsMissingTicksUpToTheEndOfTheEvents) {
 TEST(RunReport, HoldsWhatTheContractNames) {
   RunReport report(100);
   report.timings.tracking_ms = {1, 2, 3, 4};
+  report.timings.surface_ms = {4, 3, 2, 5};
   report.counters.events_in = 10;
   report.counters.events_outside = 3;
   report.end_ns = 2000000000;
@@ -47,6 +48,8 @@ TEST(RunReport, HoldsWhatTheContractNames) {
   const auto json = nlohmann::json::parse(report.ToJson());
   EXPECT_EQ(json["milliseconds"]["tracking"]["p50"], 2);
   EXPECT_EQ(json["milliseconds"]["tracking"]["max"], 4);
+  EXPECT_EQ(json["milliseconds"]["event_to_pose"]["p50"], 5);
+  EXPECT_EQ(json["milliseconds"]["event_to_pose"]["max"], 9);
   EXPECT_EQ(json["events"]["used"], 7);
   EXPECT_EQ(json["events"]["dropped"], 3);
   EXPECT_EQ(json["real_time_factor"], 4);

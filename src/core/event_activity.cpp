@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "devo/core/edge_motion.h"
+#include "devo/core/time.h"
 
 namespace devo {
 namespace {
@@ -46,11 +47,11 @@ void EventActivity::Note(const Surface& surface, double flow_px_s) {
     known_px_s_ += share * (flow_px_s - known_px_s_);
   }
   past_hz_.push_back(surface.activity_hz);
-  if (past_hz_.size() > Surfaces(kSpan_s)) past_hz_.pop_front();
+  while (past_hz_.size() > Surfaces(kSpan_s)) past_hz_.pop_front();
 }
 
 std::size_t EventActivity::Surfaces(double span_s) const {
-  return static_cast<std::size_t>(std::max(2L, std::lround(span_s * rate_hz_)));
+  return static_cast<std::size_t>(std::max(2, CountIn(span_s, rate_hz_)));  // the last one and one before
 }
 
 bool EventActivity::EndedSuddenly() const {

@@ -79,7 +79,7 @@ Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
 void Tracker::SetOptions(const OdometryOptions& options) {
   options_ = options;
   motion_.SetOptions(options.tracking);
-  activity_.SetStill(options.surface.still_activity_hz);
+  activity_.SetRates(options.surface.rate_hz, options.surface.still_activity_hz);
   relocalizer_.SetOptions(options);
   quality_.SetRate(options.surface.rate_hz);
 }
@@ -170,9 +170,7 @@ void Tracker::Reset() {
   activity_.Clear();
 }
 
-int Tracker::Surfaces(double span_s) const {
-  return std::max(1, static_cast<int>(std::lround(span_s * options_.surface.rate_hz)));
-}
+int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.surface.rate_hz); }
 
 Vector6d Tracker::MeanVelocity() const {
   if (history_.empty()) return Vector6d::Zero();

@@ -43,7 +43,11 @@ class EventActivity {
   /// seen.
   bool RulesOutMotion() const;
 
-  void SetStill(double still_hz) { still_hz_ = still_hz; }
+  /// Others from the next surface on; what was learnt stays.
+  void SetRates(double rate_hz, double still_hz) {
+    rate_hz_ = rate_hz;
+    still_hz_ = still_hz;
+  }
   void Clear();
 
  private:

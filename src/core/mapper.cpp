@@ -282,6 +282,8 @@ bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, c
   });
   if (!enough(points.size())) return false;
   map_.Add(surface.t_edges_ns, T_world_event, std::move(points));
+  // Until tracking has taken over the first map, more depth comes: the camera was between there and its first pose.
+  if (poses_.empty()) poses_.Add(surface.t_edges_ns, T_world_event);
   ++counters_.references;
   return true;
 }

@@ -179,6 +179,21 @@ TEST(Mapper, MeetsADepthImageThatComesLateWithTheSurfaceAndPoseOfItsTime) {
   EXPECT_NEAR(points[400].p_ref.x(), 0.1 + 2 * (120 - 79.5) / 120, 2e-3);
 }
 
+TEST(Mapper, KnowsThePoseOfADepthImageBetweenTheFirstMapAndTheFirstPose) {
+  Mapper mapper = WithFirstReference();
+  // 1 m/s to the right; the map is at hand, and with it a pose, from 160 ms on.
+  for (int ms = 110; ms <= 170; ms += 10) {
+    mapper.AddSurface(SurfaceAt(ms * kMs, ms == 130 ? Edges(200, 120) : Edges(100, 16)));
+    if (ms == 130) mapper.AddDepth(Wall(130 * kMs));
+    if (ms >= 160) mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({0.001 * (ms - 100), 0, 0})));
+    mapper.Update();
+  }
+  EXPECT_EQ(mapper.counters().references, 2U);
+  const auto points = mapper.GlobalMap();
+  ASSERT_GT(points.size(), 400U);
+  EXPECT_NEAR(points[400].p_ref.x(), 0.03 + 2 * (120 - 79.5) / 120, 2e-3);
+}
+
 /// A point of a reference made of a surface at 190 ms and a depth image 4 ms later, nearing the wall at 10 m/s.
 double DepthOfMovedImage_m(const OdometryOptions& options) {
   Mapper mapper = WithFirstReference(options);

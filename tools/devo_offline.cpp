@@ -5,14 +5,20 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <ctime>
+#include <deque>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -148,7 +154,26 @@ class Run {
   void Take(const devo::EventSlice& slice) {
     if (report_.begin_ns == 0) report_.begin_ns = slice.events.begin()->t_ns;
     report_.end_ns = std::max(report_.end_ns, slice.events.end()[-1].t_ns);
-    odometry_.AddEvents(disturbance_ ? disturbance_->Apply(slice.events) : slice.events);
+    AddEvents(disturbance_ ? disturbance_->Apply(slice.events) : slice.events);
+  }
+  /// With the depth that arrives among them.
+  void AddEvents(devo::EventSpan events) {
+    for (; !late_.empty() && !events.empty() && late_.front().due_ns <= events.end()[-1].t_ns; late_.pop_front()) {
+      const devo::Event* until = std::partition_point(
+          events.begin(), events.end(), [this](const devo::Event& e) { return e.t_ns < late_.front().due_ns; });
+      odometry_.AddEvents({events.begin(), static_cast<std::size_t>(until - events.begin())});
+      late_.front().deliver();
+      events = {until, static_cast<std::size_t>(events.end() - until)};
+    }
+    odometry_.AddEvents(events);
+  }
+  void DeliverAfterLatency(std::int64_t t_ns, std::function<void()> deliver) {
+    const double latency_s = arguments_.disturbance.depth_latency_s;
+    if (latency_s > 0) {
+      late_.push_back({t_ns + devo::NsFromSeconds(latency_s), std::move(deliver)});
+    } else {
+      deliver();
+    }
   }
   void Take(const devo::DepthImage& depth) {
     if (depth.depth_m.cols != rig_.depth_camera.width() || depth.depth_m.rows != rig_.depth_camera.height()) {
@@ -160,14 +185,14 @@ class Run {
     }
     if (disturbance_ && disturbance_->LosesDepth(depth.t_ns)) return;
     if (thinning_.Keep(depth.t_ns)) {
-      odometry_.AddDepth(depth);
+      DeliverAfterLatency(depth.t_ns, [this, depth] { odometry_.AddDepth(depth); });
     } else {
       ++report_.depth_skipped_by_rate;
     }
   }
   void Take(const devo::LidarSweep& sweep) {
     if (thinning_.Keep(sweep.end_ns)) {
-      odometry_.AddSweep(sweep);
+      DeliverAfterLatency(sweep.end_ns, [this, sweep] { odometry_.AddSweep(sweep); });
     } else {
       ++report_.depth_skipped_by_rate;
     }
@@ -243,6 +268,11 @@ class Run {
   devo::RunReport report_;
   DepthThinning thinning_;
   std::optional<devo::Disturbance> disturbance_;
+  struct Late {
+    std::int64_t due_ns;
+    std::function<void()> deliver;
+  };
+  std::deque<Late> late_;  // depth on its way
   devo::Trajectory truth_;
 };
 
@@ -300,8 +330,8 @@ int main(int argc, char** argv) {
           }
         }
       },
-      "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO (s), "
-      "event_loss=SHARE, hot_pixels=SHARE");
+      "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO, "
+      "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE");
   app.add_flag("--print-parameters", print_parameters, "print docs/parameters.md and exit");
   try {
     app.parse(argc, argv);

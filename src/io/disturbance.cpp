@@ -40,10 +40,14 @@ void DisturbanceOptions::Add(const std::string& text) {
     (key == "event_gap" ? event_gaps : depth_gaps).push_back(span);
     return;
   }
+  if (key == "depth_latency") {
+    depth_latency_s = NumberIn(value, text, "seconds");
+    return;
+  }
   if (key != "event_loss" && key != "hot_pixels") {
-    throw std::invalid_argument(
-        "disturbance '" + text +
-        "': expected event_gap=FROM:TO, depth_gap=FROM:TO, event_loss=SHARE or hot_pixels=SHARE");
+    throw std::invalid_argument("disturbance '" + text +
+                                "': expected event_gap=FROM:TO, depth_gap=FROM:TO, depth_latency=SECONDS, "
+                                "event_loss=SHARE or hot_pixels=SHARE");
   }
   constexpr const char* kExpected = "a share from 0 to 1";
   const double share = NumberIn(value, text, kExpected);

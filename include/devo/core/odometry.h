@@ -38,8 +38,9 @@ class Odometry {
   /// surface is due.
   void AddEvents(EventSpan events);
 
-  /// A depth image; images come in the order of their time, each before events that are later than it
-  /// by more than one surface period (a reader that merges streams by stamp does that).
+  /// A depth image; images come in the order of their time, each best before events that are later than it by more than
+  /// one surface period (a reader that merges streams by stamp does that). One that comes later meets the surface and
+  /// pose of its time, as long as that is among the last 32 surfaces.
   void AddDepth(const DepthImage& depth);
 
   /// A sweep of a LiDAR, of a rig with `depth_from_lidar`; in the order of their ends, each before events that are

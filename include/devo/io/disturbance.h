@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // Takes things away from a recording, or adds noise to it, to see what the odometry makes of it: events that were lost,
-// pixels that fire by themselves, spans without events or depth.
+// pixels that fire by themselves, spans without events or depth, depth images that come late.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +21,14 @@ struct DisturbanceOptions {
   double event_loss = 0;       ///< share of the events that are lost at random, 0 to 1
   double hot_pixel_share = 0;  ///< share of the pixels that fire by themselves, 100 times a second on average, 0 to 1
 
-  bool any() const { return !event_gaps.empty() || !depth_gaps.empty() || event_loss > 0 || hot_pixel_share > 0; }
+  double depth_latency_s = 0;  ///< from a depth image's time to its arrival among the events
 
-  /// Adds `event_gap=FROM:TO`, `depth_gap=FROM:TO` (seconds), `event_loss=SHARE` or `hot_pixels=SHARE`. Throws
-  /// std::invalid_argument naming the text and what was expected.
+  bool any() const {
+    return !event_gaps.empty() || !depth_gaps.empty() || event_loss > 0 || hot_pixel_share > 0 || depth_latency_s > 0;
+  }
+
+  /// Adds `event_gap=FROM:TO`, `depth_gap=FROM:TO`, `depth_latency=SECONDS`, `event_loss=SHARE` or `hot_pixels=SHARE`.
+  /// Throws std::invalid_argument naming the text and what was expected.
   void Add(const std::string& text);
 };
 

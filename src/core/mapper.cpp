@@ -79,6 +79,8 @@ void Mapper::AddSurface(SurfacePtr surface) {
 
 void Mapper::AddPose(const PoseEstimate& pose) {
   if (pose.epoch != epoch_) return;
+  if (!pose.earlier.empty()) poses_.Clear();
+  for (const PoseHistory::Stamped& earlier : pose.earlier) poses_.Add(earlier.t_ns, earlier.T_world_event);
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
   event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
@@ -282,8 +284,6 @@ bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, c
   });
   if (!enough(points.size())) return false;
   map_.Add(surface.t_edges_ns, T_world_event, std::move(points));
-  // Until tracking has taken over the first map, more depth comes: the camera was between there and its first pose.
-  if (poses_.empty()) poses_.Add(surface.t_edges_ns, T_world_event);
   ++counters_.references;
   return true;
 }

@@ -42,7 +42,7 @@ constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
-constexpr double kMaxWait_s = 0.15;  // a map is made in less, depth's way through a driver included
+constexpr double kMaxWait_s = 0.3;  // a depth image takes less to become a map, a driver included
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
@@ -149,6 +149,7 @@ void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vect
   history_.Clear();
   started_ns_ = t_ns;
   T_world_started_ = T_world_event;
+  anew_ = true;
 }
 
 void Tracker::Reset() {
@@ -163,7 +164,7 @@ void Tracker::Reset() {
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
   quality_.Reset();
-  missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = false;
+  missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = anew_ = false;
   chapter_covariance_.clear();
   started_ns_ = searched_ns_ = 0;
   T_world_started_ = Rigid3();
@@ -222,6 +223,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.chapter = map_->chapter;
   pose.state = state_;
   pose.inertial_fit = motion_.inertial_fit();
+  if (std::exchange(anew_, false)) pose.earlier = {{started_ns_, T_world_started_}};
   ContinueToNow(held_, &pose);
   return pose;
 }
@@ -290,14 +292,20 @@ Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
 
 std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
   if (!waiting_.empty() && waiting_.back()->epoch != surface->epoch) waiting_.clear();
+  std::vector<PoseHistory::Stamped> earlier;
   if (map_ && (follow_ || !motion_.started())) {
-    for (const SurfacePtr& earlier : waiting_) {
-      if (earlier->epoch == map_->epoch && earlier->t_edges_ns > map_->t_ns) Track(*earlier);
+    for (const SurfacePtr& waited : waiting_) {
+      if (waited->epoch != map_->epoch || waited->t_edges_ns <= map_->t_ns) continue;
+      const auto pose = Track(*waited);
+      if (!pose) continue;
+      if (!pose->earlier.empty()) earlier = pose->earlier;
+      earlier.push_back({pose->t_edges_ns, pose->T_world_event_edges});
     }
     follow_ = false;
     waiting_.clear();
   }
   auto pose = Track(*surface);
+  if (pose && pose->earlier.empty()) pose->earlier = std::move(earlier);
   if (!pose || pose->state == TrackingState::kLost) {
     waiting_.push_back(surface);
     if (static_cast<int>(waiting_.size()) > Surfaces(kMaxWait_s)) waiting_.pop_front();

@@ -101,6 +101,18 @@ Rigid3 ReadPose(IStream& stream) {
   return FromPoseMsg(pose);
 }
 
+void ReadEarlier(IStream& stream, std::vector<PoseHistory::Stamped>& earlier) {
+  constexpr std::size_t kBytes = 8 + 7 * sizeof(double);  // of an EarlierPose
+  std::uint32_t size = 0;
+  stream.next(size);
+  if (size > stream.getLength() / kBytes) ros::serialization::throwStreamOverrun();
+  earlier.resize(size);
+  for (PoseHistory::Stamped& pose : earlier) {
+    pose.t_ns = FromRosTime(ReadTime(stream));
+    pose.T_world_event = ReadPose(stream);
+  }
+}
+
 /// Tracking follows the indices without looking: none of another process may lead out of the edges.
 void CheckNearestEdges(const Surface& surface) {
   for (const std::int32_t packed : surface.nearest_edge) {
@@ -156,6 +168,11 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   WritePose(stream, estimate.T_world_event);
   stream.next(ToRosTime(estimate.t_edges_ns));
   WritePose(stream, estimate.T_world_event_edges);
+  stream.next(static_cast<std::uint32_t>(estimate.earlier.size()));
+  for (const PoseHistory::Stamped& earlier : estimate.earlier) {
+    stream.next(ToRosTime(earlier.t_ns));
+    WritePose(stream, earlier.T_world_event);
+  }
   WriteMatrix(stream, estimate.velocity_event);
   WriteMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
@@ -179,6 +196,7 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   estimate.T_world_event = ReadPose(stream);
   estimate.t_edges_ns = FromRosTime(ReadTime(stream));
   estimate.T_world_event_edges = ReadPose(stream);
+  ReadEarlier(stream, estimate.earlier);
   ReadMatrix(stream, estimate.velocity_event);
   ReadMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);

@@ -181,17 +181,20 @@ TEST(Mapper, MeetsADepthImageThatComesLateWithTheSurfaceAndPoseOfItsTime) {
 
 TEST(Mapper, KnowsThePoseOfADepthImageBetweenTheFirstMapAndTheFirstPose) {
   Mapper mapper = WithFirstReference();
-  // 1 m/s to the right; the map is at hand, and with it a pose, from 160 ms on.
+  // To the right, faster and faster; tracking has the map, and with it all poses since, from 160 ms on.
+  const auto at = [](int ms) { return Rigid3::Translation({1e-5 * (ms - 100) * (ms - 100), 0, 0}); };
   for (int ms = 110; ms <= 170; ms += 10) {
     mapper.AddSurface(SurfaceAt(ms * kMs, ms == 130 ? Edges(200, 120) : Edges(100, 16)));
     if (ms == 130) mapper.AddDepth(Wall(130 * kMs));
-    if (ms >= 160) mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({0.001 * (ms - 100), 0, 0})));
+    PoseEstimate pose = PoseAt(ms * kMs, at(ms));
+    for (int t = 100; ms == 160 && t < ms; t += 10) pose.earlier.push_back({t * kMs, at(t)});
+    if (ms >= 160) mapper.AddPose(pose);
     mapper.Update();
   }
   EXPECT_EQ(mapper.counters().references, 2U);
   const auto points = mapper.GlobalMap();
   ASSERT_GT(points.size(), 400U);
-  EXPECT_NEAR(points[400].p_ref.x(), 0.03 + 2 * (120 - 79.5) / 120, 2e-3);
+  EXPECT_NEAR(points[400].p_ref.x(), 0.009 + 2 * (120 - 79.5) / 120, 2e-3);
 }
 
 /// A point of a reference made of a surface at 190 ms and a depth image 4 ms later, nearing the wall at 10 m/s.

@@ -97,6 +97,35 @@ TEST(Tracker, FollowsACameraInMotionFromTheTimeOfAFirstMapThatComesLate) {
   EXPECT_GT((sudden.MeanVelocity() - fast).norm(), 1);
 }
 
+TEST(Tracker, SaysWhereTheCameraWasSinceTheTimeOfAFirstMapThatComesLate) {
+  Vector6d velocity;
+  velocity << 0.3, -0.1, 0.1, 0.1, 0.2, -0.2;
+  const auto at = [&](int k) { return Exp(velocity * SecondsFromNs(k * kPeriod_ns)); };
+  const auto seen = [&](int k) { return std::make_shared<const Surface>(Seen(k * kPeriod_ns, at(k))); };
+  Tracker tracker(TestCamera(), OdometryOptions());
+  for (int k = 1; k < 10; ++k) EXPECT_FALSE(tracker.Track(seen(k)));
+  tracker.SetMap(Map());  // of the time 0
+  const auto first = tracker.Track(seen(10));
+  ASSERT_TRUE(first);
+  ASSERT_EQ(first->earlier.size(), 10U);  // the map's own and nine of surfaces
+  for (int k = 0; k < 10; ++k) {
+    EXPECT_EQ(first->earlier[static_cast<std::size_t>(k)].t_ns, k * kPeriod_ns);
+    EXPECT_LT(Log(at(k).inverse() * first->earlier[static_cast<std::size_t>(k)].T_world_event).norm(), 3e-3) << k;
+  }
+  EXPECT_TRUE(tracker.Track(seen(11))->earlier.empty());
+}
+
+TEST(Tracker, SaysThatAPoseFoundAnewDoesNotFollowFromThoseBefore) {
+  Vector6d fast;
+  fast << 2, -1, 1, 0.3, 1.2, -1.3;
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());  // of the time 0; too far away by now for anything but a search
+  const auto pose = tracker.Track(Seen(10 * kPeriod_ns, Exp(fast * SecondsFromNs(10 * kPeriod_ns))));
+  ASSERT_TRUE(pose);
+  ASSERT_EQ(pose->earlier.size(), 1U);
+  EXPECT_EQ(pose->earlier[0].t_ns, 10 * kPeriod_ns);
+}
+
 TEST(Tracker, ForgetsItsMapWhenANewEpochBegins) {
   const auto tracker = Moving();
   Surface surface = Seen(kPeriod_ns, Rigid3());

@@ -52,6 +52,7 @@ PoseEstimate SomePose() {
   estimate.T_world_event = Rigid3(Eigen::Quaterniond(0.5, -0.5, 0.5, 0.5), {1, -2, 3});
   estimate.t_edges_ns = 42'000'000'003;
   estimate.T_world_event_edges = Rigid3(Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {4, 5, -6});
+  estimate.earlier = {{42'000'000'001, Rigid3()}, {42'000'000'002, Rigid3::Translation({7, 8, 9})}};
   estimate.velocity_event << 1, 2, 3, 4, 5, 6;
   for (int i = 0; i < 36; ++i) estimate.covariance_event(i / 6, i % 6) = i;
   estimate.state = TrackingState::kLost;
@@ -145,6 +146,9 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_EQ(message.edges_stamp.toNSec(), 42'000'000'003U);
   EXPECT_DOUBLE_EQ(message.T_world_event_edges.position.z, -6);
   EXPECT_DOUBLE_EQ(message.T_world_event_edges.orientation.y, -0.5);
+  ASSERT_EQ(message.earlier.size(), 2U);
+  EXPECT_EQ(message.earlier[1].stamp.toNSec(), 42'000'000'002U);
+  EXPECT_DOUBLE_EQ(message.earlier[1].T_world_event.position.z, 9);
   EXPECT_DOUBLE_EQ(message.velocity_event[5], 6);
   EXPECT_DOUBLE_EQ(message.covariance_event[1 * 6 + 2], estimate.covariance_event(1, 2));
   EXPECT_EQ(message.state, TrackedPose::LOST);
@@ -164,6 +168,9 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   const auto read = FromBytes<PoseEstimate>(bytes);
   EXPECT_EQ(read.t_ns, estimate.t_ns);
   EXPECT_EQ(read.t_edges_ns, estimate.t_edges_ns);
+  ASSERT_EQ(read.earlier.size(), 2U);
+  EXPECT_EQ(read.earlier[1].t_ns, 42'000'000'002);
+  EXPECT_EQ(read.earlier[1].T_world_event.translation(), Eigen::Vector3d(7, 8, 9));
   EXPECT_TRUE(read.T_world_event_edges.translation().isApprox(estimate.T_world_event_edges.translation()));
   EXPECT_TRUE(read.T_world_event.translation().isApprox(estimate.T_world_event.translation()));
   EXPECT_EQ(Bytes(FromBytes<PoseEstimate>(bytes)), bytes);

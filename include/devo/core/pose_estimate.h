@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "devo/core/inertial_fit.h"
+#include "devo/core/pose_history.h"
 #include "devo/core/rigid3.h"
 
 namespace devo {
@@ -26,6 +28,9 @@ struct PoseEstimate {
   Rigid3 T_world_event;
   std::int64_t t_edges_ns = 0;  ///< time of the edges that were registered, a few milliseconds before `t_ns`
   Rigid3 T_world_event_edges;   ///< pose at that time, as measured; T_world_event continues it with the velocity
+  /// Of the first pose in a map, or of one that was found anew: where the edges were since then, the map's own time
+  /// first. In place of all poses before, which this one does not follow from; else empty.
+  std::vector<PoseHistory::Stamped> earlier;
   Vector6d velocity_event =
       Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame

@@ -13,6 +13,11 @@ namespace devo {
 /// Not thread-safe.
 class PoseHistory {
  public:
+  struct Stamped {
+    std::int64_t t_ns = 0;
+    Rigid3 T_world_event;
+  };
+
   explicit PoseHistory(double length_s = 5.0) : length_s_(length_s) {}
 
   /// Poses must come in the order of their time; one that is not newer than the last is ignored.
@@ -31,10 +36,6 @@ class PoseHistory {
   void Clear() { poses_.clear(); }
 
  private:
-  struct Stamped {
-    std::int64_t t_ns;
-    Rigid3 T_world_event;
-  };
   double length_s_;
   std::deque<Stamped> poses_;
 };

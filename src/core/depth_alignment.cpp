@@ -8,6 +8,8 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "devo/core/depth_image.h"
+
 namespace devo {
 namespace {
 
@@ -80,7 +82,7 @@ int DepthAligner::CellAt(const Eigen::Vector3f& p) const {
   return static_cast<int>(v) / cell_px_ * columns_ + static_cast<int>(u) / cell_px_;
 }
 
-DepthCells DepthAligner::Reduce(const cv::Mat1f& depth_m) const {
+DepthCells DepthAligner::Reduce(const cv::Mat1f& depth_m, double min_m, double max_m) const {
   if (depth_m.size() != image_size_) {
     std::ostringstream message;
     message << "depth image of " << depth_m.cols << "x" << depth_m.rows << "; expected the depth camera's "
@@ -97,7 +99,7 @@ DepthCells DepthAligner::Reduce(const cv::Mat1f& depth_m) const {
   result.cells.resize(static_cast<std::size_t>(columns_) * rows_);
   std::vector<Range> ranges(result.cells.size());
   for (const Sample& sample : samples_) {
-    const float z = readings[sample.pixel];
+    const float z = ValidDepthOrZero(readings[sample.pixel], static_cast<float>(min_m), static_cast<float>(max_m));
     if (!(z > 0)) continue;
     Range& range = ranges[sample.cell];
     result.cells[sample.cell].p += z * Eigen::Vector3f(sample.ray_x, sample.ray_y, 1);

@@ -33,7 +33,8 @@ Matrix6d OfKnownDirections(const Matrix6d& information) {
 
 }  // namespace
 
-DepthKeyframes::DepthKeyframes(const Rig& rig) : aligner_(rig.depth_camera), T_event_depth_(rig.T_event_depth) {}
+DepthKeyframes::DepthKeyframes(const Rig& rig, const MappingOptions& options)
+    : aligner_(rig.depth_camera), options_(options), T_event_depth_(rig.T_event_depth) {}
 
 void DepthKeyframes::Clear() {
   keyframes_.clear();
@@ -105,7 +106,7 @@ void DepthKeyframes::Keep(DepthCells cells, const View& view) {
 
 std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const View& view) {
   ++calls_;
-  DepthCells now = aligner_.Reduce(depth.depth_m);
+  DepthCells now = aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m);
   Match best;
   if (current_ >= 0 && keyframes_[static_cast<std::size_t>(current_)].view.chapter == view.chapter) {
     if (const auto result = AlignTo(keyframes_[static_cast<std::size_t>(current_)], now, view))

@@ -37,7 +37,7 @@ Rig DepthImageRig(Rig rig) {
 Mapper::Mapper(const Rig& rig, const OdometryOptions& options)
     : rig_(DepthImageRig(rig)), options_(options), camera_(rig.event_camera.Undistorted()),
       registration_(camera_, rig_.depth_camera, options.mapping), lidar_(camera_, rig.T_event_depth, options.mapping),
-      map_(camera_, options.mapping), depth_keyframes_(rig_) {}
+      map_(camera_, options.mapping), depth_keyframes_(rig_, options.mapping) {}
 
 void Mapper::Reset() {
   surfaces_.clear();
@@ -65,6 +65,7 @@ void Mapper::SetOptions(const OdometryOptions& options) {
   options_ = options;
   registration_.SetOptions(options.mapping);
   map_.SetOptions(options.mapping);
+  depth_keyframes_.SetOptions(options.mapping);
   options_changed_ = true;
 }
 

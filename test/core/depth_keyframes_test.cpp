@@ -92,6 +92,28 @@ TEST(DepthKeyframes, AnImageOfAnUncertainPoseIsNotKept) {
   EXPECT_EQ(keyframes.size(), 0U);
 }
 
+TEST(DepthKeyframes, ReadingsOutsideTheRangeOfMeasurementsDoNotSayThatTheCameraStands) {
+  MappingOptions options;
+  options.max_depth_m = 4;
+  const Rigid3 truth = Rigid3::Translation({0.03, 0.01, -0.02});
+  // What many a driver writes where nothing came back moves with the camera, and fills most of this image.
+  const auto with_ghost = [](DepthImage image) {
+    for (int y = 0; y < image.depth_m.rows; ++y) {
+      for (int x = 0; x < image.depth_m.cols / 2; ++x) image.depth_m(y, x) = y < 120 ? 8 : 7;
+    }
+    return image;
+  };
+  DepthKeyframes keyframes(DepthRig(), options);
+  keyframes.Align(with_ghost(ImageAt(Rigid3())), ViewAt(Rigid3()));
+  const auto pose = keyframes.Align(with_ghost(ImageAt(truth)), ViewAt(Rigid3::Translation({0.01, 0, 0})));
+  ASSERT_TRUE(pose);
+  EXPECT_LT(Log(truth.inverse() * pose->T_world_event).norm(), 5e-3);
+
+  options.max_depth_m = 0.2;
+  keyframes.SetOptions(options);
+  EXPECT_FALSE(keyframes.Align(with_ghost(ImageAt(truth)), ViewAt(truth))) << "nothing is a measurement any more";
+}
+
 TEST(DepthKeyframes, AKeyframeOfAnotherChapterIsNotMet) {
   DepthKeyframes keyframes(DepthRig());
   keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -33,9 +34,9 @@ class DepthAligner {
   /// `camera`: with which the depth images are taken.
   explicit DepthAligner(const Camera& camera);
 
-  /// Averages the noise of the readings, and leaves out flying pixels and edges. `depth_m` as in DepthImage. Throws
-  /// std::invalid_argument when it has not the camera's size.
-  DepthCells Reduce(const cv::Mat1f& depth_m) const;
+  /// Averages the noise of the readings from `min_m` to `max_m`, others are no measurement, and leaves out flying
+  /// pixels and edges. `depth_m` as in DepthImage. Throws std::invalid_argument when it has not the camera's size.
+  DepthCells Reduce(const cv::Mat1f& depth_m, double min_m = 0, double max_m = std::numeric_limits<float>::max()) const;
 
   struct Result {
     Rigid3 T_ref_depth;

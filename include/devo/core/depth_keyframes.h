@@ -10,6 +10,7 @@
 #include "devo/core/depth_alignment.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_pose.h"
+#include "devo/core/options.h"
 #include "devo/core/rig.h"
 
 namespace devo {
@@ -17,7 +18,10 @@ namespace devo {
 /// Not thread-safe.
 class DepthKeyframes {
  public:
-  explicit DepthKeyframes(const Rig& rig);
+  explicit DepthKeyframes(const Rig& rig, const MappingOptions& options = MappingOptions());
+
+  /// Of them, which readings are a measurement; from the next image on.
+  void SetOptions(const MappingOptions& options) { options_ = options; }
 
   /// What tracking says of a depth image's moment.
   struct View {
@@ -54,6 +58,7 @@ class DepthKeyframes {
   void Keep(DepthCells cells, const View& view);
 
   DepthAligner aligner_;
+  MappingOptions options_;
   Rigid3 T_event_depth_;
   std::deque<Keyframe> keyframes_;
   int current_ = -1;

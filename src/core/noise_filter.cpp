@@ -164,6 +164,15 @@ inline std::uint32_t Counted(std::uint32_t pixel) {
   return pixel + ((pixel & kCountMask) < kCountMask ? kOneEvent : 0);
 }
 
+DEVO_ALWAYS_INLINE std::uint32_t TickOf(Judged by, const Event& event) {
+  return static_cast<std::uint32_t>((event.t_ns - by.t0_ns) / kNsPerMicrosecond >> by.tick_shift) +
+         (event.polarity ? kOnTicks : 0);
+}
+
+DEVO_ALWAYS_INLINE std::uint32_t Fired(std::uint32_t pixel, std::uint32_t tick) {
+  return (Counted(pixel) & ~kTickMask) | (tick & kTickMask);
+}
+
 /// Writes the positions, counted from `position`, of the events that pass.
 template <typename Neighbours>
 DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, const Neighbours& neighbours, EventSpan events, std::uint32_t position,
@@ -184,10 +193,9 @@ DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, const Neighbours& neighbours, Ev
       *pixel = Counted(before);
       continue;
     }
-    const auto tick = static_cast<std::uint32_t>((event.t_ns - by.t0_ns) / kNsPerMicrosecond >> by.tick_shift) +
-                      (event.polarity ? kOnTicks : 0);
+    const std::uint32_t tick = TickOf(by, event);
     count += neighbours.Count(pixel, by.stride, tick) <= most_old;
-    *pixel = (Counted(before) & ~kTickMask) | (tick & kTickMask);
+    *pixel = Fired(before, tick);
   }
   return count;
 }
@@ -198,14 +206,15 @@ DEVO_AVX2 std::size_t JudgeAvx2(Judged by, Age age, EventSpan events, std::uint3
 }
 #endif
 
-/// The same where only hot pixels are noise.
+/// The same where only hot pixels are noise. Times are kept all the same: they tell flicker from motion.
 std::size_t CountOnly(Judged by, EventSpan events, std::uint32_t position, std::uint32_t* passed) {
   std::size_t count = 0;
   for (const Event& event : events) {
     std::uint32_t* const pixel = by.PixelOf(event);
+    const bool hot = *pixel & kHotBit;
     passed[count] = position++;
-    count += *pixel & kHotBit ? 0 : 1;
-    *pixel = Counted(*pixel);
+    count += hot ? 0 : 1;
+    *pixel = hot ? Counted(*pixel) : Fired(*pixel, TickOf(by, event));
   }
   return count;
 }

@@ -333,6 +333,19 @@ TEST(NoiseFilter, LeavesOutAnAreaThatFlickersAndSeesItAgainWhenTheLampIsOff) {
   EXPECT_TRUE(filter.Pass(At(2103 * kMs, 10, 11)));
 }
 
+TEST(NoiseFilter, WithoutNeighboursToAskForABusyAreaIsNoFlicker) {
+  NoiseFilter filter(kSide, kSide, 0.005, 0, 0);
+  // As often as a lamp flickers, but each pixel at times of its own, as where texture moves fast.
+  EXPECT_EQ(ShareThatPasses(Noise(200, 1.5, 40), &filter), 1);
+}
+
+TEST(NoiseFilter, WithoutNeighboursToAskForAnAreaThatFlickersIsLeftOutAllTheSame) {
+  NoiseFilter filter(kSide, kSide, 0.005, 0, 20);
+  const Split flicker(Flicker(1.5, 40));
+  CountThatPass(flicker.before, &filter);
+  EXPECT_LT(ShareThatPasses(flicker.after, &filter), 0.01);
+}
+
 TEST(NoiseFilter, DoesNotTakeForFlickerWhatMovesOverAnAreaAsOften) {
   // Stripes of 8 px at 800 px/s: every pixel fires ON and OFF 50 times per second each. A quarter of the image is
   // quiet.

@@ -11,7 +11,9 @@
 namespace devo {
 namespace {
 
-constexpr std::size_t kMaxSurfaces = 32;  // 0.3 s at 100 Hz: the latency of a depth camera's driver
+// The latency of a depth camera's driver. So many surfaces are this long at 100 Hz; at higher rates not all are kept.
+constexpr double kMaxLatency_s = 0.3;
+constexpr std::size_t kMaxSurfaces = 32;
 constexpr std::size_t kMaxDepths = 8, kMaxSweeps = 4;
 // The first reference decides the scale of all that follows: it waits for enough edges.
 constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
@@ -75,7 +77,19 @@ void Mapper::AddSurface(SurfacePtr surface) {
     epoch_ = surface->epoch;
   }
   surfaces_.push_back(std::move(surface));
-  if (surfaces_.size() > kMaxSurfaces) surfaces_.pop_front();
+  if (surfaces_.size() > kMaxSurfaces) ForgetASurface();
+}
+
+void Mapper::ForgetASurface() {
+  if (SecondsFromNs(surfaces_.back()->t_ns - surfaces_.front()->t_ns) > kMaxLatency_s) {
+    surfaces_.pop_front();
+    return;
+  }
+  // All of them may be asked for yet: the one goes that its neighbours replace best, the oldest of several.
+  const auto gap_ns = [this](std::size_t i) { return surfaces_[i + 1]->t_ns - surfaces_[i - 1]->t_ns; };
+  std::size_t least = 1;
+  for (std::size_t i = 2; i + 1 < surfaces_.size(); ++i) least = gap_ns(i) < gap_ns(least) ? i : least;
+  surfaces_.erase(surfaces_.begin() + static_cast<std::ptrdiff_t>(least));
 }
 
 void Mapper::AddPose(const PoseEstimate& pose) {

@@ -2,6 +2,7 @@
 #include "devo/core/mapper.h"
 
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <tuple>
@@ -195,6 +196,21 @@ TEST(Mapper, KnowsThePoseOfADepthImageBetweenTheFirstMapAndTheFirstPose) {
   const auto points = mapper.GlobalMap();
   ASSERT_GT(points.size(), 400U);
   EXPECT_NEAR(points[400].p_ref.x(), 0.009 + 2 * (120 - 79.5) / 120, 2e-3);
+}
+
+TEST(Mapper, MeetsADepthImageThatComesLateAtAHighRateOfSurfacesToo) {
+  OdometryOptions options;
+  options.surface.rate_hz = 1000;
+  Mapper mapper = WithFirstReference(options);
+  for (int ms = 101; ms <= 350; ++ms) {
+    mapper.AddSurface(SurfaceAt(ms * kMs, std::abs(ms - 200) <= 10 ? Edges(200, 120) : Edges(100, 16)));
+    mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({0.001 * (ms - 100), 0, 0})));
+    mapper.Update();
+  }
+  mapper.AddDepth(Wall(200 * kMs));
+  ASSERT_TRUE(mapper.Update());
+  EXPECT_EQ(mapper.counters().references, 2U);
+  EXPECT_LE(std::abs(mapper.last_match().surface->t_ns - 200 * kMs), 10 * kMs);
 }
 
 /// A point of a reference made of a surface at 190 ms and a depth image 4 ms later, nearing the wall at 10 m/s.

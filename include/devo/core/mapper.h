@@ -80,6 +80,7 @@ class Mapper {
 
  private:
   SurfacePtr SurfaceFor(std::int64_t t_ns) const;
+  void ForgetASurface();
   /// Depth comes in the order of its time: what comes after this surface's is nearer to none before it. Surfaces are
   /// large, and their memory is better used while it is still in a near cache.
   void ForgetSurfacesBefore(const SurfacePtr& surface);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 
 #include "devo/core/time.h"
@@ -14,6 +15,8 @@ namespace {
 constexpr std::int64_t kSlot_ns = 250000;
 // Points at the ends of a sweep may lie outside the history by a surface's period.
 constexpr double kExtrapolate_s = 0.02;
+// Longer than any turn, and than poses are kept.
+constexpr std::int64_t kMostApart_ns = 10'000'000'000;
 constexpr float kMinDepth_m = 0.01F;
 constexpr float kMinSplat_px = 0.5F, kMaxSplat_px = 3;
 
@@ -33,11 +36,13 @@ Span SpanOf(float from, float to, int size) {
 /// Poses of the event camera by the time of points, each looked up once per slot.
 class SlottedPoses {
  public:
-  SlottedPoses(const PoseHistory& poses, const Rigid3& T_anchor_world)
-      : poses_(poses), T_anchor_world_(T_anchor_world) {}
+  SlottedPoses(const PoseHistory& poses, std::int64_t anchor_ns, const Rigid3& T_anchor_world)
+      : poses_(poses), anchor_ns_(anchor_ns), T_anchor_world_(T_anchor_world) {}
 
   /// Empty where the history does not hold the time.
-  const std::optional<Rigid3>& At(std::int64_t t_ns) {
+  std::optional<Rigid3> At(std::int64_t t_ns) {
+    // One point with a time of another clock or unit, and the slots up to there would be more than memory holds.
+    if (std::abs(t_ns - anchor_ns_) > kMostApart_ns) return std::nullopt;
     const std::int64_t slot = t_ns / kSlot_ns;
     if (slots_.empty()) first_ = slot;
     while (slot < first_) {
@@ -61,6 +66,7 @@ class SlottedPoses {
     std::optional<Rigid3> T_anchor_event;
   };
   const PoseHistory& poses_;
+  std::int64_t anchor_ns_;
   Rigid3 T_anchor_world_;
   std::deque<Slot> slots_;
   std::int64_t first_ = 0;
@@ -89,10 +95,10 @@ void LidarAccumulator::Add(const LidarSweep& sweep, const PoseHistory& poses) {
   started_without_poses_ = false;
   const auto T_world_anchor = poses.At(sweep.end_ns, kExtrapolate_s);
   if (!T_world_anchor) return;
-  SlottedPoses slots(poses, T_world_anchor->inverse());
+  SlottedPoses slots(poses, sweep.end_ns, T_world_anchor->inverse());
   std::vector<Eigen::Vector3f> moved(sweep.points.size());
   for (std::size_t i = 0; i < moved.size(); ++i) {
-    const auto& T_anchor_event = slots.At(sweep.points[i].t_ns);
+    const auto T_anchor_event = slots.At(sweep.points[i].t_ns);
     const Eigen::Vector3d p_event = T_event_lidar_ * sweep.points[i].p_lidar.cast<double>();
     // What was behind the camera will not come into view within the window.
     if (T_anchor_event && p_event.z() > 0) {

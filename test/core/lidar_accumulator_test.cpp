@@ -213,6 +213,17 @@ TEST(LidarAccumulator, LeavesOutPointsOfTimesWithoutAPose) {
   EXPECT_NEAR(depth.depth_m(60, 130), 3, 1e-3);
 }
 
+TEST(LidarAccumulator, LeavesOutPointsOfTimesThatCannotBeTheSweepsWithoutRoomForAllBetween) {
+  const World world = Plane(kSlanted, 3);
+  LidarSweep sweep = Sweep(world, AtRest);
+  for (std::size_t i = 0; i < sweep.points.size(); i += 2) sweep.points[i].t_ns -= NsFromSeconds(1.7e9);
+  LidarAccumulator accumulator(EventCamera(), EventFromLidar(), MappingOptions());
+  accumulator.Add(sweep, HistoryOf(AtRest));
+  const DepthImage depth = accumulator.Render(100 * kMs, Rigid3());
+  EXPECT_GT(Known(depth), 100);
+  EXPECT_LT(WorstError(depth, world, Rigid3()), 0.2);
+}
+
 TEST(LidarAccumulator, TellsWhenASweepPassedTheView) {
   LidarAccumulator accumulator(EventCamera(), EventFromLidar(), MappingOptions());
   const auto t_ns = accumulator.TimeInView(Sweep(Plane({0, 0, 1}, 3), AtRest));

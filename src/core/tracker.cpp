@@ -15,6 +15,8 @@ namespace {
 
 // Edge positions of neighbouring points err together; this many points count as one measurement.
 constexpr double kPointsPerMeasurement = 15;
+// That is so for surfaces this often. Of faster ones each shows mostly the events of those before it once more.
+constexpr double kUsualRate_hz = 100;
 // An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
 // this many times less beside it, the less so the worse the sensor is.
 constexpr double kInertialCaution = 4;
@@ -392,7 +394,8 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
   const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
-  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * caution);
+  const double shared = std::max(1.0, options_.surface.rate_hz / kUsualRate_hz);
+  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * caution * shared);
   const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {

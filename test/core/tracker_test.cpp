@@ -153,6 +153,24 @@ TEST(Tracker, FollowsAConstantMotionToAMillimetreAndKnowsItsVelocity) {
   EXPECT_LT((tracker.MeanVelocity() - Twist()).norm(), 0.02);
 }
 
+/// Of a position, m, as stated after 0.3 s.
+double StatedSigma_m(double rate_hz) {
+  OdometryOptions options;
+  options.surface.rate_hz = rate_hz;
+  Tracker tracker(TestCamera(), options);
+  tracker.SetMap(Map());
+  const std::int64_t period_ns = NsFromSeconds(1 / rate_hz);
+  std::optional<PoseEstimate> pose;
+  for (std::int64_t t_ns = period_ns; t_ns <= NsFromSeconds(0.3); t_ns += period_ns) {
+    pose = tracker.Track(Seen(t_ns, TrueAt(t_ns)));
+  }
+  return std::sqrt(pose->covariance_event.diagonal().head<3>().sum());
+}
+
+TEST(Tracker, IsNotSurerForBeingShownTheSameEventsMoreOften) {
+  EXPECT_GT(StatedSigma_m(1000), 0.8 * StatedSigma_m(100));
+}
+
 TEST(Tracker, ContinuesThePoseOfTheEdgesToTheTimeOfTheSurface) {
   const auto tracker = Moving();
   Surface surface = Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns));

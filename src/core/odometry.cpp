@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <chrono>
 #include <future>
+#include <iomanip>
+#include <sstream>
+#include <stdexcept>
 #include <utility>
 
 #include "devo/core/mapper.h"
@@ -18,6 +21,8 @@ namespace {
 /// What a depth image gave is used from the surface so many after the next one on, whether it was ready before or not:
 /// mapping has that long to run beside tracking, and the result is the same with and without threads.
 constexpr std::size_t kMapDelay = 2;
+
+constexpr double kLongestSilence_s = 3600;
 
 /// Milliseconds since it was made.
 class Stopwatch {
@@ -88,6 +93,13 @@ void Odometry::AddEvents(EventSpan events) {
     m.surfaces.Insert({next, static_cast<std::size_t>(until - next)});
     next = until;
     if (next == events.end()) break;
+    if (SecondsFromNs(next->t_ns - m.next_ns) > kLongestSilence_s) {
+      std::ostringstream message;
+      message << std::fixed << std::setprecision(3) << "an event of " << SecondsFromNs(next->t_ns)
+              << " s follows those up to " << SecondsFromNs(m.next_ns)
+              << " s, expected times of one clock without a gap of more than " << kLongestSilence_s << " s";
+      throw std::runtime_error(message.str());
+    }
     Step();
   }
 }

@@ -260,6 +260,13 @@ TEST(Odometry, DeliversAnErrorOfItsThreadsToTheCaller) {
   EXPECT_THAT(feed, ThrowsMessage<std::invalid_argument>(HasSubstr("10x10")));
 }
 
+TEST(Odometry, RefusesEventsThatJumpToAnotherClockRatherThanRenderAllTheTimeBetween) {
+  Odometry odometry(TestRig(), WithoutFilter());
+  odometry.AddEvents(std::vector<Event>{{kStart_ns, 10, 10, 1}, {kStart_ns + 20'000'000, 11, 10, 1}});
+  const std::vector<Event> later = {{kStart_ns + 1'700'000'000'000'000'000, 10, 10, 1}};
+  EXPECT_THAT([&] { odometry.AddEvents(later); }, ThrowsMessage<std::runtime_error>(HasSubstr("those up to 1.030 s")));
+}
+
 TEST(Odometry, HasNoPoseWithoutDepth) {
   Odometry odometry(TestRig(), WithoutFilter());
   int poses = 0;

@@ -35,7 +35,8 @@ class Odometry {
 
   /// Consecutive events, ordered in time. Every surface whose time has passed is rendered before the call returns. Its
   /// pose arrives through `on_pose`, on the caller's thread: before the call returns or, with threads, when the next
-  /// surface is due.
+  /// surface is due. Throws std::runtime_error where they jump ahead by more than an hour: that is another clock, or a
+  /// broken stamp, and all the surfaces in between would take for ever.
   void AddEvents(EventSpan events);
 
   /// A depth image; images come in the order of their time, each best before events that are later than it by more than

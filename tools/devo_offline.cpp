@@ -216,7 +216,7 @@ class Run {
 
   void Judge() {
     report_.counters = odometry_.counters();
-    report_.depth_unordered = reader_.dropped_unordered();
+    report_.depth_unordered = reader_.left_out().depth_unordered;
     for (const std::string& defect : reader_.Defects()) {
       if (report_.error.empty()) report_.error = defect;
     }
@@ -233,6 +233,15 @@ class Run {
              events + "are earlier than the one before, expected times that never fall");
     Complain(report_.depth_unordered, c.depth_in + report_.depth_unordered + report_.depth_skipped_by_rate,
              depth + "are not later than the one before, expected stamps that rise");
+    const auto warn = [this](std::uint64_t count, const std::string& what) {
+      if (count > 0) report_.warnings.push_back(std::to_string(count) + " " + what);
+    };
+    warn(reader_.left_out().imu_unordered, "IMU samples of topic '" + config_.topics.imu +
+                                               "' are not later than the one before and are left out, expected stamps "
+                                               "that rise");
+    warn(reader_.left_out().ground_truth_invalid, "poses of topic '" + config_.topics.ground_truth +
+                                                      "' are left out, expected finite numbers and a quaternion of "
+                                                      "length 1");
     if (c.depth_without_valid_pixel > 0 && c.depth_used == 0 && report_.error.empty()) {
       report_.error = std::string("no ") + (lidar ? "sweep" : "image") + " of topic '" + depth_topic + "' (" +
                       std::to_string(c.depth_in) + ") has a " +

@@ -45,6 +45,11 @@ StampedPose PoseFrom(const std::string& md5, const ByteSpan& bytes) {
 
 enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
 
+void CountUnordered(Role role, LeftOut* left_out) {
+  if (role == Role::kDepth || role == Role::kPoints) ++left_out->depth_unordered;
+  if (role == Role::kImu) ++left_out->imu_unordered;
+}
+
 }  // namespace
 
 /// One topic of one bag.
@@ -299,7 +304,13 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
     ahead.t_ns = sample.t_ns;
     ahead.item = sample;
   } else {
-    const GroundTruthPose pose{PoseFrom(stream->md5, bytes)};
+    GroundTruthPose pose;
+    try {
+      pose.pose = PoseFrom(stream->md5, bytes);
+    } catch (const std::invalid_argument&) {  // motion capture that has lost its body; nothing but figures needs it
+      ++left_out_.ground_truth_invalid;
+      return false;
+    }
     ahead.t_ns = pose.pose.t_ns;
     ahead.item = pose;
   }
@@ -366,7 +377,7 @@ std::optional<BagItem> BagReader::Next() {
     BagItem item = std::move(first->ahead.front().item);
     first->ahead.pop_front();
     if (t_ns <= first->last_ns) {
-      if (t_ns >= begin_ns_) ++dropped_unordered_;
+      if (t_ns >= begin_ns_) CountUnordered(first->role, &left_out_);
       continue;
     }
     first->last_ns = t_ns;

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <limits>
 #include <sstream>
 #include <string>
 
@@ -277,6 +278,33 @@ TEST_F(DevoOffline, SaysThatDepthStampsRepeat) {
   recording.Write(Bag());
   ExpectRefused(Run(), AllOf(HasSubstr("'/depth'"), HasSubstr("not later than the one before")));
   EXPECT_EQ(Report()["depth_frames"]["unordered"], 19);
+}
+
+TEST_F(DevoOffline, DoesNotTakeRepeatedStampsOfOtherTopicsForThoseOfDepth) {
+  TinyRecording recording;
+  recording.AddImu();
+  for (std::size_t i = 1; i < recording.imu.size(); i += 2) recording.imu[i].header = recording.imu[i - 1].header;
+  for (std::size_t i = 1; i < recording.truth.size(); i += 2) recording.truth[i].header = recording.truth[i - 1].header;
+  recording.Write(Bag());
+  const ProgramResult result = Run("--set topics.imu=/imu");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(Report()["depth_frames"]["unordered"], 0);
+  EXPECT_THAT(result.err, HasSubstr("50 IMU samples of topic '/imu' are not later than the one before"));
+}
+
+TEST_F(DevoOffline, GoesOnWhereGroundTruthIsNoPose) {
+  TinyRecording recording;
+  recording.Write(Bag());
+  ASSERT_EQ(Run().status, 0);
+  const std::string expected = Trajectory();
+  recording.truth[40].pose.position.x = std::numeric_limits<double>::quiet_NaN();
+  recording.truth[41].pose.orientation.w = 0;
+  recording.Write(Bag());
+  const ProgramResult result = Run();
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("2 poses of topic '/truth' are left out"));
+  EXPECT_EQ(Trajectory(), expected);
+  EXPECT_FALSE(Report()["evaluation"].is_null());
 }
 
 TEST_F(DevoOffline, PutsDepthThatWasRecordedOutOfOrderBackIntoOrder) {

@@ -20,6 +20,7 @@
 #include <rosbag/bag.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -121,6 +122,7 @@ struct TinyRecording {
   std::vector<sensor_msgs::CameraInfo> event_info, depth_info;  // /event_info, /depth_info
   std::vector<geometry_msgs::PoseStamped> truth;                // /truth, 100 Hz
   std::vector<tf2_msgs::TFMessage> transforms;                  // /tf_static
+  std::vector<sensor_msgs::Imu> imu;                            // /imu, without unless a test adds samples
 
   explicit TinyRecording(const TinyScene& scene_in = {}) : scene(scene_in) {
     const std::vector<Event> all = EventsOf(scene);
@@ -149,6 +151,16 @@ struct TinyRecording {
     transforms.push_back(transform);
   }
 
+  /// At rest, 100 Hz; of no frame, which is the event camera's.
+  void AddImu() {
+    for (int i = 1; i <= 100 * scene.duration_s; ++i) {
+      sensor_msgs::Imu sample;
+      sample.header.stamp = ToRosTime(scene.begin_ns + i * 10000000LL);
+      sample.linear_acceleration.y = -9.8;
+      imu.push_back(sample);
+    }
+  }
+
   void Write(const std::string& path, rosbag::compression::CompressionType compression = rosbag::compression::LZ4,
              std::uint32_t chunk_bytes = 64 << 10) const {
     rosbag::Bag bag(path, rosbag::bagmode::Write);
@@ -158,6 +170,7 @@ struct TinyRecording {
     for (const auto& m : transforms) bag.write("/tf_static", begin, m);
     for (const auto& m : event_info) bag.write("/event_info", begin, m);
     for (const auto& m : depth_info) bag.write("/depth_info", begin, m);
+    for (const auto& m : imu) bag.write("/imu", Recorded(m.header.stamp), m);
     // In the order of recording, as a recorder would.
     std::size_t d = 0, p = 0;
     for (const auto& m : events) {

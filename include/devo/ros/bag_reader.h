@@ -42,6 +42,13 @@ struct BagRange {
   double duration_s = std::numeric_limits<double>::infinity();
 };
 
+/// How many messages the reader left out, and why.
+struct LeftOut {
+  std::uint64_t depth_unordered = 0;  ///< images and sweeps that were not later than the one before
+  std::uint64_t imu_unordered = 0;
+  std::uint64_t ground_truth_invalid = 0;  ///< no number, or no quaternion of length 1
+};
+
 class BagReader {
  public:
   /// Opens the bags and finds the topics of `config`. Throws std::runtime_error naming the bag that cannot be opened,
@@ -68,8 +75,8 @@ class BagReader {
   /// What is wrong with the bags: one sentence each. Grows while reading.
   std::vector<std::string> Defects() const;
 
-  /// Depth images, sweeps and IMU samples that were not later than the one before, and so were left out.
-  std::uint64_t dropped_unordered() const { return dropped_unordered_; }
+  /// Grows while reading.
+  const LeftOut& left_out() const { return left_out_; }
 
  private:
   struct Stream;
@@ -94,7 +101,7 @@ class BagReader {
   std::optional<std::string> event_frame_;       // once asked for
   std::vector<std::unique_ptr<Stream>> streams_;
   std::int64_t begin_ns_ = 0, end_ns_ = std::numeric_limits<std::int64_t>::max();
-  std::uint64_t dropped_unordered_ = 0;
+  LeftOut left_out_;
 };
 
 }  // namespace devo

@@ -239,6 +239,9 @@ class Run {
     warn(reader_.left_out().imu_unordered, "IMU samples of topic '" + config_.topics.imu +
                                                "' are not later than the one before and are left out, expected stamps "
                                                "that rise");
+    warn(reader_.left_out().imu_no_reading,
+         "IMU samples of topic '" + config_.topics.imu +
+             "' are left out, expected finite numbers within any sensor's range, in rad/s and m/s^2");
     warn(reader_.left_out().ground_truth_invalid, "poses of topic '" + config_.topics.ground_truth +
                                                       "' are left out, expected finite numbers and a quaternion of "
                                                       "length 1");

@@ -25,7 +25,7 @@ Vector Reading(const ImuSample& sample) {
 }  // namespace
 
 void InertialBuffer::Add(const ImuSample& sample) {
-  if (!sample.angular_velocity.allFinite() || (!samples_.empty() && sample.t_ns <= samples_.back().t_ns)) return;
+  if (!IsReading(sample) || (!samples_.empty() && sample.t_ns <= samples_.back().t_ns)) return;
   samples_.push_back(sample);
   if (samples_.size() > kMaxSamples) samples_.pop_front();
 }

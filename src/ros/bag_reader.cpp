@@ -301,6 +301,10 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
     ahead.item = std::move(sweep);
   } else if (stream->role == Role::kImu) {
     const ImuSample sample = ImuInEventFrame(Deserialise<sensor_msgs::Imu>(bytes));
+    if (!IsReading(sample)) {
+      ++left_out_.imu_no_reading;
+      return false;
+    }
     ahead.t_ns = sample.t_ns;
     ahead.item = sample;
   } else {

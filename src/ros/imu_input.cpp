@@ -11,7 +11,8 @@
 namespace devo {
 namespace {
 
-constexpr std::size_t kMaxWaiting = 4000;            // seconds of a fast IMU, while no surface comes
+constexpr std::size_t kMaxWaiting = 4000;  // seconds of a fast IMU, while no surface comes
+constexpr char kNoReading[] = "their values are not finite or beyond any sensor's range, expected rad/s and m/s^2";
 constexpr std::int64_t kBackwards_ns = 100'000'000;  // as for surfaces: a bag is played again
 
 }  // namespace
@@ -47,6 +48,11 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
     return;
   }
   const std::lock_guard<std::mutex> lock(mutex_);
+  if (!IsReading(sample)) {
+    ROS_WARN_STREAM_THROTTLE(5, "IMU samples on " << topic_ << " are left out: " << kNoReading);
+    ++no_reading_;
+    return;
+  }
   if (!waiting_.empty() && sample.t_ns < waiting_.back().t_ns - kBackwards_ns) waiting_.clear();
   waiting_.push_back(sample);
   ++accepted_;
@@ -70,6 +76,7 @@ void ImuInput::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   const std::lock_guard<std::mutex> lock(mutex_);
   status.add("IMU samples accepted", accepted_);
   status.add("IMU samples without a transform", without_transform_);
+  status.add("IMU samples that are no reading", no_reading_);
   status.add("IMU samples that waited too long", overflowed_);
 }
 

@@ -24,6 +24,20 @@ InertialBuffer Growing() {
   return buffer;
 }
 
+TEST(InertialBuffer, LeavesOutWhatIsNoReading) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto empty_with = [](const Vector3d& angular_velocity, const Vector3d& acceleration) {
+    InertialBuffer buffer;
+    buffer.Add(At(0, angular_velocity, acceleration));
+    return !buffer.begin_ns();
+  };
+  EXPECT_TRUE(empty_with({nan, 0, 0}, {0, 0, 9.8}));
+  EXPECT_TRUE(empty_with({0, 0, 0}, {0, 1e300, 0}));
+  EXPECT_TRUE(empty_with({0, -1e20, 0}, {0, 0, 9.8}));
+  EXPECT_FALSE(empty_with({4000, 0, 0}, {0, 0, 16000})) << "degrees and thousandths of g are told by their fit";
+  EXPECT_FALSE(empty_with({1, 0, 0}, {nan, nan, nan})) << "no accelerometer";
+}
+
 TEST(InertialBuffer, HasNoMeanOfASpanThatItsSamplesLeaveOpen) {
   EXPECT_FALSE(InertialBuffer().Mean(0, 10 * kMs));
   const InertialBuffer buffer = Growing();

@@ -292,6 +292,22 @@ TEST_F(DevoOffline, DoesNotTakeRepeatedStampsOfOtherTopicsForThoseOfDepth) {
   EXPECT_THAT(result.err, HasSubstr("50 IMU samples of topic '/imu' are not later than the one before"));
 }
 
+TEST_F(DevoOffline, GivesNumbersWhereImuSamplesAreNone) {
+  TinyRecording recording;
+  recording.AddImu();
+  for (std::size_t i = 0; i < recording.imu.size(); i += 4) {
+    recording.imu[i].angular_velocity.x = 1e300;
+    recording.imu[i].linear_acceleration.y = 1e300;
+    recording.imu[i + 1].angular_velocity.z = std::numeric_limits<double>::quiet_NaN();
+  }
+  recording.Write(Bag());
+  const ProgramResult result = Run("--set topics.imu=/imu");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("50 IMU samples of topic '/imu' are left out"));
+  EXPECT_THAT(Trajectory(), Not(HasSubstr("nan")));
+  EXPECT_LT(Report()["evaluation"]["ate_rmse_m"], 0.005);
+}
+
 TEST_F(DevoOffline, GoesOnWhereGroundTruthIsNoPose) {
   TinyRecording recording;
   recording.Write(Bag());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include <Eigen/Core>
@@ -15,5 +16,15 @@ struct ImuSample {
   Eigen::Vector3d linear_acceleration = Eigen::Vector3d::Zero();
   Eigen::Vector3d p_event_imu = Eigen::Vector3d::Zero();  ///< where the sensor is, m, event frame
 };
+
+/// Whether it can be a reading at all: an angular velocity of finite numbers, and neither it nor the acceleration far
+/// beyond what any sensor measures, also in degrees or thousandths of g (memory that a driver never wrote looks so).
+/// Numbers near the largest double would turn every pose after them into NaN.
+inline bool IsReading(const ImuSample& sample) {
+  constexpr double kMost_rad_s = 1e4, kMost_m_s2 = 1e5;
+  const bool absurd =
+      std::isfinite(sample.linear_acceleration.sum()) && sample.linear_acceleration.cwiseAbs().maxCoeff() > kMost_m_s2;
+  return sample.angular_velocity.allFinite() && sample.angular_velocity.cwiseAbs().maxCoeff() < kMost_rad_s && !absurd;
+}
 
 }  // namespace devo

@@ -46,6 +46,7 @@ struct BagRange {
 struct LeftOut {
   std::uint64_t depth_unordered = 0;  ///< images and sweeps that were not later than the one before
   std::uint64_t imu_unordered = 0;
+  std::uint64_t imu_no_reading = 0;        ///< IsReading() says no
   std::uint64_t ground_truth_invalid = 0;  ///< no number, or no quaternion of length 1
 };
 

@@ -43,7 +43,7 @@ class ImuInput {
   tf2::BufferCore transforms_;
   mutable std::mutex mutex_;
   std::deque<ImuSample> waiting_;
-  std::uint64_t accepted_ = 0, without_transform_ = 0, overflowed_ = 0;
+  std::uint64_t accepted_ = 0, without_transform_ = 0, no_reading_ = 0, overflowed_ = 0;
   ros::Subscriber imu_subscriber_, transform_subscriber_;
 };
 

@@ -12,7 +12,13 @@ constexpr int kTicksUntilWarning = 3;
 constexpr int kTicksBetweenWarnings = 30;
 constexpr int kTicksBetweenQuestions = 5;  // to the master, once it has been waited for longer
 
-std::string NameOfType(const std::string& type) { return type.substr(type.find('/') + 1); }
+bool Recent(const ros::WallTime& time) { return !time.isZero() && (ros::WallTime::now() - time).toSec() <= kSilence_s; }
+
+bool IsOneOf(const std::string& types, const std::string& datatype) {
+  const std::string separator = " or ";
+  return (separator + types + separator).find(separator + datatype.substr(datatype.find('/') + 1) + separator) !=
+         std::string::npos;
+}
 
 }  // namespace
 
@@ -20,10 +26,10 @@ std::string DescribeTopic(const KnownTopics& known, const std::string& topic, co
   std::string same_type;
   for (const ros::master::TopicInfo& info : known) {
     if (info.name == topic) {
-      if (NameOfType(info.datatype) == type) return "it is advertised but nothing comes";
+      if (IsOneOf(type, info.datatype)) return "it is advertised but nothing comes";
       return "it is published as " + info.datatype;
     }
-    if (NameOfType(info.datatype) == type) same_type += (same_type.empty() ? "" : ", ") + info.name;
+    if (IsOneOf(type, info.datatype)) same_type += (same_type.empty() ? "" : ", ") + info.name;
   }
   if (same_type.empty()) return "nobody publishes it, nor any other " + type;
   return "nobody publishes it; " + type + " topics that exist: " + same_type;
@@ -35,31 +41,46 @@ Input::Input(std::string role, std::string topic, std::string type, Kind kind)
 void Input::Arrived(std::int64_t t_ns) {
   const std::lock_guard<std::mutex> lock(mutex_);
   rate_.Add(t_ns);
+  ++messages_;
   last_arrival_ = ros::WallTime::now();
+}
+
+void Input::ArrivedUnread() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++messages_;
+  last_arrival_ = ros::WallTime::now();
+}
+
+void Input::ArrivedEmpty() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++messages_;
+  last_empty_ = ros::WallTime::now();
 }
 
 bool Input::IsSilent() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (rate_.count() == 0) return true;
-  return kind_ == Kind::kSteady && (ros::WallTime::now() - last_arrival_).toSec() > kSilence_s;
+  if (last_arrival_.isZero()) return true;
+  return kind_ == Kind::kSteady && !Recent(last_arrival_);
 }
 
 bool Input::HasArrived() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return rate_.count() > 0;
+  return !last_arrival_.isZero();
 }
 
 std::string Input::MissingSentence(const KnownTopics& known) const {
   if (!IsSilent()) return "";
   if (topic_.empty()) return "No " + role_ + ": the configuration names no topic for it.";
-  return (HasArrived() ? "No more " : "No ") + role_ + " on " + topic_ + " (" + type_ +
-         "): " + DescribeTopic(known, topic_, type_) + ".";
+  const std::string begin = (HasArrived() ? "No more " : "No ") + role_ + " on " + topic_ + " (" + type_ + "): ";
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (Recent(last_empty_)) return begin + "its messages come but hold none.";
+  return begin + DescribeTopic(known, topic_, type_) + ".";
 }
 
 void Input::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   const std::lock_guard<std::mutex> lock(mutex_);
   status.add(role_ + " topic", topic_);
-  status.add(role_ + " messages", rate_.count());
+  status.add(role_ + " messages", messages_);
   status.addf(role_ + " rate (Hz of data time)", "%.1f", rate_.Hz());
 }
 

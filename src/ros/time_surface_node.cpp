@@ -27,6 +27,8 @@ constexpr double kSilence_s = 0.5;
 // tracking answers again): tracking may not be there.
 constexpr double kPoseTimeout_s = 0.05;
 constexpr int kMaxUnanswered = 3;
+// A larger share of events outside the image is no disturbance but the calibration of another camera, as offline.
+constexpr double kTolerableOutside = 0.01;
 // A surface is due when the newest event is nearer to its time than this part of the period, and no other waits.
 constexpr std::int64_t kTickTolerance = 100;
 
@@ -48,7 +50,7 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
 
   surface_publisher_ = nh_.advertise<Surface>(topics::kSurface, 8);
   image_publisher_ = image_transport_.advertise(topics::kSurfaceImage, 2);
-  input_ = health_.AddInput("events", topic, "EventArray");
+  input_ = health_.AddInput("events", topic, "EventArray or EventPacket");
   rig_ =
       std::make_unique<RigResolver>(nh_, config_, RigResolver::Need{}, [this](const ResolvedRig& rig) { OnRig(rig); });
   health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });
@@ -67,7 +69,10 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
   services_.push_back(private_nh_.advertiseService("pause", &TimeSurfaceNode::OnPause, this));
   rig_->Start();
   events_ = std::make_unique<EventSource>(nh_, topic, queue_size, [this](EventMessage message) {
-    if (paused_) return;
+    if (paused_) {
+      input_->ArrivedUnread();
+      return;
+    }
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       queued_events_ += message.most_events;
@@ -220,7 +225,10 @@ void TimeSurfaceNode::TakeMessages() {
     batch.events = std::exchange(spare_, {});
     batch.events.clear();
     message.append(&packets_, &batch.events);
-    if (batch.events.empty()) continue;
+    if (batch.events.empty()) {
+      input_->ArrivedEmpty();
+      continue;
+    }
     // Within a message stamps may go back a little, too.
     if (!std::is_sorted(batch.events.begin(), batch.events.end(),
                         [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; })) {
@@ -329,12 +337,16 @@ void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& st
   const std::lock_guard<std::mutex> lock(mutex_);
   if (failures_.Fill(status)) {
     // its summary stays
-  } else if (surfaces_ == 0) {
-    status.summary(DiagnosticStatus::WARN, "no surface yet");
   } else if (paused_) {
     status.summary(DiagnosticStatus::WARN, "paused");
+  } else if (surfaces_ == 0) {
+    status.summary(DiagnosticStatus::WARN, "no surface yet");
   } else {
     status.summary(DiagnosticStatus::OK, "rendering");
+  }
+  if (static_cast<double>(counters_.outside) > kTolerableOutside * static_cast<double>(counters_.in)) {
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        "events lie outside the image: is event_camera (or its CameraInfo) this camera's?");
   }
   status.add("epoch", epoch_);
   status.add("surfaces", surfaces_);

@@ -39,5 +39,25 @@ TEST(Input, NamesTheTopicThatIsMissingAndWhatExistsInstead) {
   EXPECT_EQ(depth.MissingSentence(Known()), "");
 }
 
+TEST(Input, DoesNotCallATopicSilentOfWhichTheMessagesAreEmptyOrNotRead) {
+  Input events("events", "/dvs/events", "EventArray", Input::Kind::kSteady);
+  events.ArrivedEmpty();
+  EXPECT_EQ(events.MissingSentence(Known()), "No events on /dvs/events (EventArray): its messages come but hold none.");
+  events.ArrivedUnread();
+  EXPECT_EQ(events.MissingSentence(Known()), "");
+  diagnostic_updater::DiagnosticStatusWrapper status;
+  events.Fill(status);
+  EXPECT_EQ(status.values.at(1).key, "events messages");
+  EXPECT_EQ(status.values.at(1).value, "2");
+}
+
+TEST(Input, TakesATopicOfAnyOfItsTypesForRight) {
+  const KnownTopics known = {{"/packets", "event_camera_msgs/EventPacket"}, {"/arrays", "dvs_msgs/EventArray"}};
+  const Input silent("events", "/packets", "EventArray or EventPacket", Input::Kind::kSteady);
+  EXPECT_THAT(silent.MissingSentence(known), testing::HasSubstr("it is advertised but nothing comes"));
+  const Input missing("events", "/events", "EventArray or EventPacket", Input::Kind::kSteady);
+  EXPECT_THAT(missing.MissingSentence(known), testing::HasSubstr("topics that exist: /packets, /arrays"));
+}
+
 }  // namespace
 }  // namespace devo

@@ -100,7 +100,7 @@ class BadParametersTest(unittest.TestCase):
 
         def sentence():
             status = self.diagnostics.get("good: inputs")
-            return status is not None and "No events on /events (EventArray)" in status.message
+            return status is not None and "No events on /events (EventArray or EventPacket)" in status.message
         self.assertTrue(self.await_true(sentence), sorted(self.diagnostics))
         self.assertTrue(self.await_true(lambda: any("good: No events on /events" in m.msg for m in list(self.log))))
 

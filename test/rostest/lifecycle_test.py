@@ -16,6 +16,7 @@ import rospy
 import rostest
 from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import SetBool
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from devo_testing import Record  # noqa: E402
@@ -107,8 +108,23 @@ class LifecycleTest(unittest.TestCase):
     def test_3_a_silence_is_named_after_the_bag_has_stopped(self):
         def sentence():
             message = self.record.diagnostic("surface: inputs")["message"]
-            return "No more events on /event_camera/events (EventArray)" in message and "nobody publishes it" in message
+            return "No more events on /event_camera/events (EventArray or EventPacket)" in message and "nobody publishes it" in message
         self.assertTrue(await_true(sentence, 15), self.record.diagnostic("surface: inputs"))
+
+    def test_3b_what_comes_while_paused_is_not_called_missing(self):
+        pause = rospy.ServiceProxy("/devo/surface/pause", SetBool)
+        self.assertTrue(pause(True).success)
+        player = self.start("--loop")
+        try:
+            def paused():
+                return (self.record.diagnostic("surface: time surface")["message"] == "paused" and
+                        self.record.diagnostic("surface: inputs")["message"] == "all inputs arrive")
+            self.assertTrue(await_true(paused, 15), self.record.diagnostic("surface: inputs"))
+            time.sleep(4)  # longer than a silence
+            self.assertEqual(self.record.diagnostic("surface: inputs")["message"], "all inputs arrive")
+        finally:
+            self.stop(player)
+            pause(False)
 
     def test_4_who_comes_late_gets_path_and_maps(self):
         for topic, kind in (("/devo/path", Path), ("/devo/local_map", PointCloud2), ("/devo/global_map", PointCloud2)):

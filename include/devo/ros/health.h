@@ -22,7 +22,8 @@ namespace devo {
 using KnownTopics = ros::master::V_TopicInfo;
 
 /// What the master says about a topic, as the end of a sentence: "nobody publishes it; EventArray topics that exist:
-/// /dvs/events" or "it is advertised but nothing comes". `type`: name without package, such as "EventArray".
+/// /dvs/events" or "it is advertised but nothing comes". `type`: name without package, such as "EventArray", or several
+/// that will do: "EventArray or EventPacket".
 std::string DescribeTopic(const KnownTopics& known, const std::string& topic, const std::string& type);
 
 /// One subscribed topic. Arrivals may be reported from any thread.
@@ -35,6 +36,10 @@ class Input {
 
   /// `t_ns`: data time of the message.
   void Arrived(std::int64_t t_ns);
+  /// A message that is not looked into.
+  void ArrivedUnread();
+  /// A message that holds nothing: counted, but no end of a silence.
+  void ArrivedEmpty();
   bool HasArrived() const;
 
   /// Nothing has come for 3 s of wall time (or ever).
@@ -47,7 +52,8 @@ class Input {
  private:
   std::string role_, topic_, type_;
   Kind kind_;
-  ros::WallTime last_arrival_;
+  ros::WallTime last_arrival_, last_empty_;
+  std::uint64_t messages_ = 0;
   mutable std::mutex mutex_;
   RateMeter rate_;
 };

@@ -9,6 +9,7 @@
 namespace devo {
 namespace {
 constexpr std::int64_t kRateWindowNs = 2'000'000'000;
+constexpr std::size_t kMaxStamps = 50000;  // more than any driver's messages in the window
 constexpr std::size_t kMaxValues = 2000;
 }  // namespace
 
@@ -16,7 +17,8 @@ void RateMeter::Add(std::int64_t t_ns) {
   ++count_;
   if (!stamps_.empty() && t_ns < stamps_.back()) stamps_.clear();
   stamps_.push_back(t_ns);
-  while (t_ns - stamps_.front() > kRateWindowNs) stamps_.pop_front();
+  // Stamps that stand still (zeros of a driver) never leave the window.
+  while (t_ns - stamps_.front() > kRateWindowNs || stamps_.size() > kMaxStamps) stamps_.pop_front();
 }
 
 double RateMeter::Hz() const {

@@ -18,6 +18,7 @@ class RateMeter {
   double Hz() const;
 
   std::uint64_t count() const { return count_; }
+  std::size_t kept() const { return stamps_.size(); }  ///< stamps of the window
   std::int64_t last_ns() const { return stamps_.empty() ? 0 : stamps_.back(); }
 
  private:

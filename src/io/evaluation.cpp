@@ -181,6 +181,14 @@ std::string DriftText(const Evaluation& e, int digits) {
   return text;
 }
 
+std::string RpeText(const Evaluation& e) {
+  if (e.rpe_pairs == 0) return "no RPE: the poses with ground truth span less than the interval";
+  char text[96];
+  std::snprintf(text, sizeof(text), "RPE over 1 s %.2f deg %.2f cm", e.rpe_rotation_rmse_deg,
+                e.rpe_translation_rmse_cm);
+  return text;
+}
+
 std::string ToJson(const Evaluation& e) {
   nlohmann::json json;
   json["pairs"] = e.pairs;

@@ -259,8 +259,8 @@ std::string TrackingNode::SaveTrajectory() {
   try {
     const Evaluation e = Evaluate(ground_truth_->poses(), trajectory);
     char error[200];
-    std::snprintf(error, sizeof(error), "; against ground truth: ATE RMSE %.4f m (%s), RPE over 1 s %.2f deg %.2f cm",
-                  e.ate_rmse_m, DriftText(e, 2).c_str(), e.rpe_rotation_rmse_deg, e.rpe_translation_rmse_cm);
+    std::snprintf(error, sizeof(error), "; against ground truth: ATE RMSE %.4f m (%s), %s", e.ate_rmse_m,
+                  DriftText(e, 2).c_str(), RpeText(e).c_str());
     return text + error;
   } catch (const std::exception& error) {
     return text + "; not compared with ground truth: " + error.what();

@@ -147,6 +147,14 @@ TEST(Evaluation, GivesNoShareOfAPathThatIsNone) {
   EXPECT_EQ(DriftText(e, 2), "a path of 0.00 m");
 }
 
+TEST(Evaluation, DoesNotCallARelativeErrorZeroThatWasNeverMeasured) {
+  Evaluation e;
+  EXPECT_THAT(RpeText(e), HasSubstr("no RPE"));
+  e.rpe_pairs = 1;
+  e.rpe_rotation_rmse_deg = 0.25;
+  EXPECT_EQ(RpeText(e), "RPE over 1 s 0.25 deg 0.00 cm");
+}
+
 TEST(AlignPoints, NeverReflects) {
   Eigen::Matrix3Xd points(3, 4), mirrored(3, 4);
   points << 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1;

@@ -58,6 +58,9 @@ Rigid3 AlignPoints(const Eigen::Matrix3Xd& truth, const Eigen::Matrix3Xd& estima
 /// "0.54 % of 2.19 m", or "a path of 0.00 m" where there is no share.
 std::string DriftText(const Evaluation& evaluation, int digits);
 
+/// "RPE over 1 s 0.21 deg 0.50 cm", of the default interval, or that there is none.
+std::string RpeText(const Evaluation& evaluation);
+
 /// As one JSON object.
 std::string ToJson(const Evaluation& evaluation);
 

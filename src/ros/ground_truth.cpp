@@ -37,7 +37,10 @@ void GroundTruth::CheckType() {
     timer_.stop();
     if (info.datatype == "nav_msgs/Odometry") return SubscribeTo<nav_msgs::Odometry>();
     if (info.datatype == "geometry_msgs/TransformStamped") return SubscribeTo<geometry_msgs::TransformStamped>();
-    return SubscribeTo<geometry_msgs::PoseStamped>();
+    if (info.datatype == "geometry_msgs/PoseStamped") return SubscribeTo<geometry_msgs::PoseStamped>();
+    // roscpp throws where somebody in this process has subscribed it in its type, and in a timer that ends the manager.
+    ROS_WARN_STREAM("no ground truth: " << topic_ << " (key 'topics.ground_truth') is published as " << info.datatype
+                                        << ", expected PoseStamped, Odometry or TransformStamped");
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 namespace devo {
 namespace {
@@ -109,13 +110,30 @@ void RefuseUnknown(const ros::NodeHandle& private_nh, const std::vector<std::str
   }
 }
 
+void RefuseSharedTopics(const Topics& topics) {
+  const std::vector<std::pair<std::string, std::string>> by_key = {
+      {"events", topics.events},
+      {topics.points.empty() ? "depth" : "points", topics.points.empty() ? topics.depth : topics.points},
+      {"imu", topics.imu},
+      {"ground_truth", topics.ground_truth}};
+  for (std::size_t a = 0; a < by_key.size(); ++a) {
+    for (std::size_t b = a + 1; b < by_key.size(); ++b) {
+      if (by_key[a].second.empty() || by_key[a].second != by_key[b].second) continue;
+      throw std::invalid_argument("keys 'topics." + by_key[a].first + "' and 'topics." + by_key[b].first +
+                                  "' both name " + by_key[a].second + ", expected a topic for each");
+    }
+  }
+}
+
 RigConfig ReadRigConfig(const ros::NodeHandle& private_nh) {
   const std::vector<std::string> paths = Split(ReadString(private_nh, "config", ""), ',');
   if (paths.empty()) {
     throw std::invalid_argument(Shown(private_nh, "config") + " is missing; expected the path of the rig's yaml");
   }
   try {
-    return LoadRigConfig(paths, Split(ReadString(private_nh, "set", ""), ' '));
+    RigConfig config = LoadRigConfig(paths, Split(ReadString(private_nh, "set", ""), ' '));
+    RefuseSharedTopics(config.topics);
+    return config;
   } catch (const std::exception& error) {
     throw std::invalid_argument(Shown(private_nh, "config") + ": " + error.what());
   }

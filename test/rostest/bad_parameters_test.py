@@ -12,6 +12,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import CameraInfo
 
 KINDS = ("TimeSurface", "Mapping", "Tracking")
 
@@ -103,6 +104,25 @@ class BadParametersTest(unittest.TestCase):
             return status is not None and "No events on /events (EventArray or EventPacket)" in status.message
         self.assertTrue(self.await_true(sentence), sorted(self.diagnostics))
         self.assertTrue(self.await_true(lambda: any("good: No events on /events" in m.msg for m in list(self.log))))
+
+    def test_a_topic_for_two_roles_is_named(self):
+        self.load("Mapping", "one_topic", config=self.config, set="topics.depth=/events")
+        self.expect_fatal("one_topic", ["topics.events", "topics.depth", "/events"])
+
+    def test_ground_truth_of_a_type_that_is_none_ends_no_manager(self):
+        # The CameraInfo beside the events, which the nodelet itself subscribes.
+        config = self.yaml("truth.yaml", "topics: {events: /dvs/events, ground_truth: /dvs/camera_info}\n")
+        self.load("Tracking", "odd_truth", config=config)
+        self.assertTrue(self.await_true(lambda: "odd_truth: inputs" in self.diagnostics), sorted(self.diagnostics))
+        publisher = rospy.Publisher("/dvs/camera_info", CameraInfo, queue_size=1)
+        try:
+            self.assertTrue(self.await_true(lambda: any(
+                "/dvs/camera_info" in m.msg and "sensor_msgs/CameraInfo" in m.msg and "expected PoseStamped" in m.msg
+                for m in list(self.log))), "no word about the type")
+            del self.diagnostics["odd_truth: inputs"]
+            self.assertTrue(self.await_true(lambda: "odd_truth: inputs" in self.diagnostics), "the manager has died")
+        finally:
+            publisher.unregister()
 
     def test_missing_calibration_is_named(self):
         config = self.yaml("no_camera.yaml", "topics: {events: /events, depth: /depth/image_raw}\n"

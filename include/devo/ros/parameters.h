@@ -31,6 +31,10 @@ Rigid3 ReadPose(const ros::NodeHandle& private_nh, const std::string& key, const
 /// leave the default in force without a word). See WithTunables.
 void RefuseUnknown(const ros::NodeHandle& private_nh, const std::vector<std::string>& known);
 
+/// Throws std::invalid_argument naming two keys of different messages that name the same topic: roscpp's own complaint
+/// about such a topic names neither it nor them.
+void RefuseSharedTopics(const Topics& topics);
+
 /// The rig and options that parameter `config` (one path, or several separated by commas; later ones override
 /// earlier ones) and `set` (`key=value` separated by spaces) give.
 RigConfig ReadRigConfig(const ros::NodeHandle& private_nh);

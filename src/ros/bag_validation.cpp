@@ -488,6 +488,7 @@ class Validator {
     try {
       BagReader reader(paths_, *config_);
       const Rig rig = reader.ReadRig();
+      reader.Next();  // takes the first messages of each topic as the odometry would, an IMU's in the event frame
       const Camera& camera = rig.event_camera;
       Say(Format("event camera %dx%d, f %.1f %.1f, c %.1f %.1f, %zu distortion coefficients (%s)\n", camera.width(),
                  camera.height(), camera.fx(), camera.fy(), camera.cx(), camera.cy(), camera.coefficients().size(),

@@ -97,6 +97,16 @@ TEST_F(DevoValidateBag, SaysThatTheImuHasAnotherUnitOrIsNotThere) {
                                 HasSubstr("look like degrees")));
 }
 
+TEST_F(DevoValidateBag, SaysThatNothingConnectsTheImusFrame) {
+  TinyRecording recording;
+  recording.AddImu();
+  for (auto& sample : recording.imu) sample.header.frame_id = "imu_link";
+  recording.Write(bag_);
+  const ProgramResult result = Run(config_ + " topics.imu=/imu");
+  EXPECT_EQ(result.status, 1) << "devo_offline refuses it, too";
+  EXPECT_THAT(result.out, AllOf(HasSubstr("PROBLEM:"), HasSubstr("from the IMU's frame 'imu_link'")));
+}
+
 TEST_F(DevoValidateBag, SaysThatTheCalibrationIsAnotherCameras) {
   TinyRecording recording;
   recording.event_info[0].width = 100;

@@ -10,6 +10,7 @@
 #include <sensor_msgs/image_encodings.h>
 #include <boost/endian/conversion.hpp>
 
+#include "devo/core/time.h"
 #include "devo/ros/conversions.h"
 
 namespace devo {
@@ -83,6 +84,26 @@ void CheckSize(const sensor_msgs::Image& message, std::size_t bytes_per_pixel) {
 }
 
 }  // namespace
+
+std::size_t DropStrayEvents(double most_gap_s, std::vector<Event>* events) {
+  const std::int64_t most_gap_ns = NsFromSeconds(most_gap_s);
+  if (events->empty() || events->back().t_ns - events->front().t_ns <= most_gap_ns) return 0;
+  const auto wide = [most_gap_ns](const Event& a, const Event& b) { return b.t_ns - a.t_ns > most_gap_ns; };
+  auto best_begin = events->begin(), best_end = events->begin();
+  for (auto begin = events->begin(); begin != events->end();) {
+    auto end = std::adjacent_find(begin, events->end(), wide);
+    if (end != events->end()) ++end;
+    if (end - begin > best_end - best_begin) {
+      best_begin = begin;
+      best_end = end;
+    }
+    begin = end;
+  }
+  const auto dropped = static_cast<std::size_t>(events->end() - events->begin() - (best_end - best_begin));
+  events->erase(best_end, events->end());
+  events->erase(events->begin(), best_begin);
+  return dropped;
+}
 
 std::string AppendSerializedEvents(const std::uint8_t* bytes, std::size_t size, std::vector<Event>* events) {
   Cursor cursor(bytes, size);

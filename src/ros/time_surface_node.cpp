@@ -235,10 +235,12 @@ void TimeSurfaceNode::TakeMessages() {
       std::stable_sort(batch.events.begin(), batch.events.end(),
                        [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
     }
+    CountDropped(DropStrayEvents(reset_after_gap_s_, &batch.events));
     const std::int64_t first_ns = batch.events.front().t_ns;
     if (newest_event_ns_ != 0) {
-      const double step_s = SecondsFromNs(first_ns - newest_event_ns_);
-      batch.begins_epoch = step_s < -kBackwards_s || step_s > reset_after_gap_s_;
+      // The whole message must be older: single events that are, the builder leaves out.
+      batch.begins_epoch = SecondsFromNs(batch.events.back().t_ns - newest_event_ns_) < -kBackwards_s ||
+                           SecondsFromNs(first_ns - newest_event_ns_) > reset_after_gap_s_;
     }
     newest_event_ns_ =
         batch.begins_epoch ? batch.events.back().t_ns : std::max(newest_event_ns_, batch.events.back().t_ns);
@@ -256,9 +258,13 @@ void TimeSurfaceNode::ReturnMemory() {
 }
 
 void TimeSurfaceNode::DropBatches() {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  for (const Batch& batch : batches_) dropped_events_ += batch.events.size();
+  for (const Batch& batch : batches_) CountDropped(batch.events.size());
   batches_.clear();
+}
+
+void TimeSurfaceNode::CountDropped(std::size_t events) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  dropped_events_ += events;
 }
 
 void TimeSurfaceNode::BeginEpoch() {

@@ -39,6 +39,22 @@ void ExpectEqual(const std::vector<Event>& a, const std::vector<Event>& b) {
   }
 }
 
+TEST(DropStrayEvents, KeepsWhatLiesTogether) {
+  std::vector<Event> events = SomeEvents();
+  EXPECT_EQ(DropStrayEvents(10, &events), 0U);
+  const std::vector<Event> expected = events;
+  events.insert(events.begin(), Event());  // 1970
+  Event later = events.back();
+  later.t_ns += 11'000'000'000;
+  events.push_back(later);
+  EXPECT_EQ(DropStrayEvents(10, &events), 2U);
+  ASSERT_EQ(events.size(), expected.size());
+  EXPECT_EQ(events.front().t_ns, expected.front().t_ns);
+  EXPECT_EQ(events.back().t_ns, expected.back().t_ns);
+  std::vector<Event> none;
+  EXPECT_EQ(DropStrayEvents(10, &none), 0U);
+}
+
 TEST(EventArrays, SurviveTheWayThroughAMessageAndItsBytes) {
   const std::vector<Event> events = SomeEvents();
   const EventArray message = ToEventArrayMsg(events, 640, 480, "event_optical");

@@ -26,6 +26,11 @@
 
 namespace devo {
 
+/// Of events in the order of time, keeps the most that have no gap beyond `most_gap_s` between them; returns how many
+/// went. One bit of a message that was transferred wrongly puts an event years away, and what decides by the newest
+/// event's time would take it for another recording.
+std::size_t DropStrayEvents(double most_gap_s, std::vector<Event>* events);
+
 /// Appends the events of a message, with their own stamps. `Array`: EventArray of this package or another's of the same
 /// layout.
 template <typename Array>

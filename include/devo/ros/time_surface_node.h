@@ -60,6 +60,7 @@ class TimeSurfaceNode {
   bool UseTheWait();
   void TakeMessages();
   void DropBatches();
+  void CountDropped(std::size_t events);
   /// To the system, what queues took that are empty now: the allocator would keep it.
   void ReturnMemory();
   void BeginEpoch();

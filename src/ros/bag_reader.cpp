@@ -156,6 +156,10 @@ std::vector<std::size_t> BagReader::FindTopic(const std::string& key, const std:
     throw std::runtime_error("topic '" + topic + "' (key '" + key + "') is in none of the bags, expected " + types +
                              "; " + TopicsInBags());
   }
+  if (found.empty()) {
+    missing_optional_.push_back("topic '" + topic + "' (key '" + key +
+                                "') is in none of the bags: the run goes on without it");
+  }
   return found;
 }
 

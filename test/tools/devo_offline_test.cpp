@@ -206,6 +206,14 @@ TEST_F(DevoOffline, NamesTheCameraWithoutIntrinsics) {
   ExpectRefused(Run(), AllOf(HasSubstr("'/event_info'"), HasSubstr("is the camera calibrated?")));
 }
 
+TEST_F(DevoOffline, WarnsOfATopicThatIsMissingWhereItGoesOnWithoutIt) {
+  TinyRecording().Write(Bag());
+  const ProgramResult result = Run("--set topics.imu=/imu/data --set topics.ground_truth=/mocap");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.err, AllOf(HasSubstr("warning: topic '/imu/data' (key 'topics.imu') is in none of the bags"),
+                                HasSubstr("warning: topic '/mocap' (key 'topics.ground_truth')")));
+}
+
 TEST_F(DevoOffline, NamesTheFramesWithoutExtrinsics) {
   TinyRecording recording;
   recording.transforms.clear();

@@ -76,6 +76,9 @@ class BagReader {
   /// What is wrong with the bags: one sentence each. Grows while reading.
   std::vector<std::string> Defects() const;
 
+  /// Topics of the configuration that a run can do without and that are in none of the bags: one sentence each.
+  const std::vector<std::string>& MissingOptional() const { return missing_optional_; }
+
   /// Grows while reading.
   const LeftOut& left_out() const { return left_out_; }
 
@@ -103,6 +106,7 @@ class BagReader {
   std::vector<std::unique_ptr<Stream>> streams_;
   std::int64_t begin_ns_ = 0, end_ns_ = std::numeric_limits<std::int64_t>::max();
   LeftOut left_out_;
+  std::vector<std::string> missing_optional_;
 };
 
 }  // namespace devo

@@ -358,12 +358,20 @@ void Main(const Arguments& arguments) {
     rig.T_event_depth = Rigid3();
   }
   Checker checker(arguments, rig);
-  while (const std::optional<BagItem> item = reader.Next()) {
-    if (const auto* slice = std::get_if<EventSlice>(&*item)) checker.Add(slice->events);
-    if (const auto* depth = std::get_if<DepthImage>(&*item)) checker.Add(*depth);
+  // What can be read of a broken recording is judged; only then is its defect said, as devo_offline does.
+  std::string error;
+  try {
+    while (const std::optional<BagItem> item = reader.Next()) {
+      if (const auto* slice = std::get_if<EventSlice>(&*item)) checker.Add(slice->events);
+      if (const auto* depth = std::get_if<DepthImage>(&*item)) checker.Add(*depth);
+    }
+  } catch (const std::exception& e) {
+    error = e.what();
   }
   checker.Finish();
-  Report(arguments, config, checker);
+  if (error.empty() && !reader.Defects().empty()) error = reader.Defects().front();
+  if (error.empty() || checker.curve().images > 0) Report(arguments, config, checker);
+  if (!error.empty()) throw std::runtime_error(error);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <string>
 
@@ -51,6 +52,17 @@ TEST_F(CheckAlignment, FindsTheTimeOffsetThatTheDepthWasGiven) {
   ASSERT_EQ(result.status, 0) << result.err;
   EXPECT_NEAR(OffsetIn(result.out), -0.02, 0.006) << result.out;
   EXPECT_TRUE(std::ifstream(folder_ + "/out/alignment.png").good());
+  EXPECT_TRUE(std::ifstream(folder_ + "/out/alignment.csv").good());
+}
+
+TEST_F(CheckAlignment, JudgesWhatIsReadableOfATruncatedBagAndNamesIt) {
+  Simulate("--ideal --speed mid --duration 2.5 --rest 0.2");
+  const std::string bag = folder_ + "/rig.bag";
+  ASSERT_EQ(truncate(bag.c_str(), static_cast<off_t>(0.7 * static_cast<double>(std::filesystem::file_size(bag)))), 0);
+  const ProgramResult result = Check();
+  EXPECT_EQ(result.status, 2);
+  EXPECT_THAT(result.err, ::testing::AllOf(::testing::HasSubstr(bag), ::testing::HasSubstr("ends early")));
+  EXPECT_THAT(result.out, ::testing::HasSubstr("as configured"));
   EXPECT_TRUE(std::ifstream(folder_ + "/out/alignment.csv").good());
 }
 

@@ -31,6 +31,7 @@
 #include "devo/core/time.h"
 #include "devo/io/rig_config.h"
 #include "devo/ros/bag_reader.h"
+#include "number_in.h"
 
 namespace devo {
 namespace {
@@ -351,6 +352,9 @@ void Main(const Arguments& arguments) {
         "key 'topics.points' is given, expected depth images (key 'topics.depth'): the alignment " +
         std::string("of a LiDAR's sweeps is not checked"));
   }
+  if (arguments.step_s > arguments.search_s) {
+    throw std::invalid_argument("--step is wider than --search: only one offset would be tried, expected less");
+  }
   BagReader reader(arguments.bags, config, arguments.range);
   Rig rig = reader.ReadRig();
   if (rig.depth_registered) {
@@ -385,15 +389,17 @@ int main(int argc, char** argv) {
   app.add_option("--out", arguments.out, "folder for alignment.csv and alignment.png, made if missing")
       ->capture_default_str();
   app.add_option("--set", arguments.overrides, "key=value that overrides the yaml");
-  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(CLI::NonNegativeNumber);
-  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(CLI::PositiveNumber);
+  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(devo::NumberIn(0, 1e9));
+  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(devo::NumberIn(1e-3, 1e9));
   app.add_option("--search", arguments.search_s, "largest offset tried, seconds")
-      ->check(CLI::Range(0.004, 1.0))
+      ->check(devo::NumberIn(0.004, 1))
       ->capture_default_str();
   app.add_option("--step", arguments.step_s, "between offsets tried, seconds")
-      ->check(CLI::Range(1e-4, 0.1))
+      ->check(devo::NumberIn(1e-4, 0.1))
       ->capture_default_str();
-  app.add_option("--every", arguments.every_s, "seconds between depth images used")->capture_default_str();
+  app.add_option("--every", arguments.every_s, "seconds between depth images used")
+      ->check(devo::NumberIn(0, 1e6))
+      ->capture_default_str();
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

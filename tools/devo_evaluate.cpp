@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 
 #include "devo/io/evaluation.h"
+#include "number_in.h"
 
 namespace {
 
@@ -37,8 +38,10 @@ int main(int argc, char** argv) {
   app.add_option("estimate", estimate_path, "TUM file")->required();
   app.add_option("--json", json_path, "write the figures to this file, too ('-': to standard output, nothing else)");
   app.add_option("--interval", options.rpe_interval_s, "seconds over which the relative error is taken")
+      ->check(devo::NumberIn(1e-3, 1e6))
       ->capture_default_str();
   app.add_option("--max-gap", options.max_gap_s, "ground truth is not interpolated over longer gaps, seconds")
+      ->check(devo::NumberIn(1e-6, 1e6))
       ->capture_default_str();
   try {
     app.parse(argc, argv);

@@ -32,6 +32,7 @@
 #include "devo/io/run_report.h"
 #include "devo/ros/bag_reader.h"
 #include "devo/ros/read_ahead.h"
+#include "number_in.h"
 
 namespace {
 
@@ -252,6 +253,9 @@ class Run {
                       (lidar ? "point in the event camera's view" : "valid pixel") +
                       ", expected readings between mapping.min_depth_m and mapping.max_depth_m";
     }
+    if (c.events_in == 0 && report_.error.empty()) {
+      report_.error = "no events lie in the range that --start and --duration give, expected some of the recording's";
+    }
     if (report_.trajectory().empty() && report_.error.empty()) {
       report_.error = "no pose: " + std::to_string(c.events_in) + " events and " + std::to_string(c.depth_in) + " " +
                       depth_kind + " made no reference, expected events and depth of the same time and a moving camera";
@@ -324,10 +328,10 @@ int main(int argc, char** argv) {
   auto* bag = app.add_option("--bag", arguments.bags, "bags, merged by the time of their data");
   auto* out = app.add_option("--out", arguments.out, "folder for the results, made if missing");
   app.add_option("--set", arguments.overrides, "key=value that overrides the yaml, e.g. surface.rate_hz=200");
-  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(CLI::NonNegativeNumber);
-  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(CLI::PositiveNumber);
+  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(devo::NumberIn(0, 1e9));
+  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(devo::NumberIn(1e-3, 1e9));
   app.add_option("--depth-rate", arguments.depth_rate_hz, "use at most this many depth images per second")
-      ->check(CLI::PositiveNumber);
+      ->check(devo::NumberIn(1e-3, 1e6));
   app.add_option("--groundtruth", arguments.ground_truth, "TUM file; else the bags' topics.ground_truth");
   app.add_option("--threads", arguments.threads, "1: read and compute in turn, else at once; same result")
       ->check(CLI::Range(1, 64))

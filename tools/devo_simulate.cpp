@@ -207,7 +207,11 @@ int main(int argc, char** argv) {
       "--dialect mvsec or vector writes a data set's files. Models and their sources: docs/simulation.md");
   Arguments arguments;
   AddOptions(&app, &arguments);
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
   try {
     ApplyDialect(app, &arguments);
     ApplyTrajectory(app, &arguments.sequence);

@@ -78,6 +78,7 @@ Trajectory ReadTum(const std::string& path) {
     }
     trajectory.push_back(pose);
   }
+  if (file.bad()) throw std::runtime_error("trajectory '" + path + "': cannot be read; expected a TUM file");
   SortByTime(&trajectory);
   return trajectory;
 }

@@ -37,6 +37,18 @@ void Validate(const SequenceOptions& o) {
   Expect(o.accuracy.contrast > 0 && o.accuracy.straightness > 0, "accuracy; expected contrast and straightness > 0");
   Expect(o.chunk_s >= 1e-4 && o.chunk_s <= 1, "chunk = " + text(o.chunk_s) + "; expected 0.0001..1 s");
   Expect(o.rest_s >= 0, "rest = " + text(o.rest_s) + "; expected >= 0 s");
+  Expect(std::isfinite(o.duration_s) && std::isfinite(o.rest_s), "duration and rest; expected finite numbers");
+  Expect(o.lidar_rate_hz >= 1 && o.lidar_rate_hz <= 30,
+         "LiDAR rate = " + text(o.lidar_rate_hz) + "; expected 1..30 Hz");
+  Expect(std::abs(o.depth_time_offset_s) <= 10,
+         "depth offset = " + text(o.depth_time_offset_s) + "; expected -10..10 s");
+  Expect(o.multipath >= 0 && o.multipath <= 10, "multipath = " + text(o.multipath) + "; expected 0..10");
+  for (const Stop& stop : o.stops) {
+    Expect(std::isfinite(stop.begin_s) && stop.duration_s >= 0 && std::isfinite(stop.duration_s),
+           "stop at " + text(stop.begin_s) + " s for " + text(stop.duration_s) +
+               " s; expected finite numbers, not less "
+               "than 0 s");
+  }
   Expect(!o.closed || o.trajectory_file.empty(), "closed motion is random; expected no trajectory file with it");
   Expect(!o.closed || o.stops.empty(), "closed motion stops at its end only; expected no other stops");
   Expect(!o.closed || o.duration_s >= o.rest_s + 3 * kRamp_s,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -194,6 +195,19 @@ TEST(Sequence, NamesTheOptionThatItCannotUse) {
   o = Small();
   o.trajectory_file = "/nowhere/poses.txt";
   EXPECT_NE(message(o).find("/nowhere/poses.txt"), std::string::npos);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  o = Small();
+  o.stops = {{nan, 1}};
+  EXPECT_NE(message(o).find("stop"), std::string::npos);
+  o = Small();
+  o.depth_time_offset_s = nan;
+  EXPECT_NE(message(o).find("depth offset"), std::string::npos);
+  o = Small();
+  o.lidar_rate_hz = nan;
+  EXPECT_NE(message(o).find("LiDAR rate"), std::string::npos);
+  o = Small();
+  o.multipath = nan;
+  EXPECT_NE(message(o).find("multipath"), std::string::npos);
 }
 
 TEST(LoadScene, ReadsTheExample) {

@@ -73,5 +73,11 @@ TEST_F(CheckAlignment, RefusesARecordingWithoutMotion) {
   EXPECT_THAT(result.err, ::testing::HasSubstr("moving camera"));
 }
 
+TEST_F(CheckAlignment, RefusesNumbersThatAreNone) {
+  for (const char* option : {"--start nan", "--duration inf", "--search nan", "--step nan", "--every nan"}) {
+    EXPECT_THAT(Check(option).err, ::testing::HasSubstr("expected a number from")) << option;
+  }
+}
+
 }  // namespace
 }  // namespace devo

@@ -193,6 +193,18 @@ TEST_F(DevoOffline, NamesTheTopicThatIsMissingAndThoseThatAreThere) {
                 HasSubstr("(key 'topics.points') is in none of the bags, expected sensor_msgs/PointCloud2"));
 }
 
+TEST_F(DevoOffline, RefusesNumbersThatAreNone) {
+  TinyRecording().Write(Bag());
+  for (const char* option : {"--start", "--duration", "--depth-rate"}) {
+    for (const char* value : {"nan", "1e30", "inf", "-1"}) {
+      const ProgramResult result = Run(std::string(option) + " " + value);
+      EXPECT_EQ(result.status, 2) << option << " " << value;
+      EXPECT_THAT(result.err, AllOf(HasSubstr(option), HasSubstr("expected a number from"))) << value;
+    }
+  }
+  ExpectRefused(Run("--start 10"), HasSubstr("no events lie in the range that --start"));
+}
+
 TEST_F(DevoOffline, NamesTheCameraWithoutIntrinsics) {
   TinyRecording recording;
   recording.event_info.clear();
@@ -426,6 +438,12 @@ TEST(DevoEvaluate, PrintsFiguresAndWritesThemAsJson) {
   const ProgramResult missing = RunProgram("devo_evaluate", folder + "evaluate_truth.txt no/such.txt");
   EXPECT_EQ(missing.status, 2);
   EXPECT_THAT(missing.err, HasSubstr("'no/such.txt'"));
+  const ProgramResult is_folder = RunProgram("devo_evaluate", folder + " " + folder + "evaluate_truth.txt");
+  EXPECT_EQ(is_folder.status, 2);
+  EXPECT_THAT(is_folder.err, HasSubstr("'" + folder + "': cannot be read"));
+  for (const char* option : {"--interval nan", "--interval -1", "--interval 0", "--max-gap nan", "--max-gap 0"}) {
+    EXPECT_EQ(RunProgram("devo_evaluate", files + " " + option).status, 2) << option;
+  }
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <filesystem>
 #include <limits>
 #include <set>
 #include <stdexcept>
@@ -317,6 +318,18 @@ ByteSpan BagFile::Read(const BagEntry& entry) {
   const std::size_t size = Number<std::uint32_t>(data.data() + begin - 4);
   if (size > data.size() - begin) return {};
   return {data.data() + begin, size};
+}
+
+std::vector<std::unique_ptr<BagFile>> OpenBags(const std::vector<std::string>& paths) {
+  std::vector<std::unique_ptr<BagFile>> bags;
+  for (auto path = paths.begin(); path != paths.end(); ++path) {
+    bags.push_back(std::make_unique<BagFile>(*path));
+    const auto same = std::find_if(paths.begin(), path, [&](const std::string& earlier) {
+      return std::filesystem::equivalent(earlier, *path);
+    });
+    if (same != path) throw std::runtime_error("bag '" + *path + "': given twice, expected each bag once");
+  }
+  return bags;
 }
 
 }  // namespace devo

@@ -73,9 +73,8 @@ struct BagReader::Stream {
 BagReader::~BagReader() = default;
 
 BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& config, const BagRange& range)
-    : config_(config) {
+    : config_(config), bags_(OpenBags(paths)) {
   if (paths.empty()) throw std::runtime_error("no bag is given, expected at least one");
-  for (const std::string& path : paths) bags_.push_back(std::make_unique<BagFile>(path));
   const Topics& topics = config_.topics;
   const bool lidar = config_.depth_from_lidar();
   const std::string depth_topic = lidar ? "" : topics.depth;

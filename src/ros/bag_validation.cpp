@@ -68,9 +68,7 @@ struct Stamps {
 class Validator {
  public:
   Validator(const std::vector<std::string>& paths, const std::optional<RigConfig>& config)
-      : paths_(paths), config_(config) {
-    for (const std::string& path : paths) bags_.push_back(std::make_unique<BagFile>(path));
-  }
+      : paths_(paths), config_(config), bags_(OpenBags(paths)) {}
 
   BagValidation Validate() {
     ListTopics();

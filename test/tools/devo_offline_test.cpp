@@ -181,6 +181,11 @@ TEST_F(DevoOffline, NamesTheFileThatIsMissing) {
   EXPECT_THAT(nothing.err, HasSubstr("--config"));
 }
 
+TEST_F(DevoOffline, RefusesABagThatIsGivenTwice) {
+  TinyRecording().Write(Bag());
+  ExpectRefused(Run("--bag " + folder_ + "/./a.bag"), HasSubstr("/./a.bag': given twice"));
+}
+
 TEST_F(DevoOffline, NamesTheTopicThatIsMissingAndThoseThatAreThere) {
   TinyRecording().Write(Bag());
   ExpectRefused(Run("--set topics.events=/dvs/events"),

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -89,5 +90,9 @@ class BagFile {
   std::vector<std::uint8_t> stored_;  // a chunk as it is in the file
   std::uint64_t uses_ = 0;
 };
+
+/// The bags of one recording. Throws std::runtime_error naming the one that cannot be opened, or is given twice: all in
+/// it would count twice.
+std::vector<std::unique_ptr<BagFile>> OpenBags(const std::vector<std::string>& paths);
 
 }  // namespace devo

@@ -24,7 +24,8 @@ Json StageJson(const std::vector<float>& ms) {
   return json;
 }
 
-/// The work from a surface's events to its pose. Offline nothing queues; filtering, done ahead of the last event, counts.
+/// The work from a surface's events to its pose. Offline nothing queues; filtering, done ahead of the last event,
+/// counts.
 std::vector<float> EventToPose(const Odometry::Timings& timings) {
   std::vector<float> ms(std::min(timings.surface_ms.size(), timings.tracking_ms.size()));
   for (std::size_t i = 0; i < ms.size(); ++i) ms[i] = timings.surface_ms[i] + timings.tracking_ms[i];

@@ -324,9 +324,8 @@ std::vector<std::unique_ptr<BagFile>> OpenBags(const std::vector<std::string>& p
   std::vector<std::unique_ptr<BagFile>> bags;
   for (auto path = paths.begin(); path != paths.end(); ++path) {
     bags.push_back(std::make_unique<BagFile>(*path));
-    const auto same = std::find_if(paths.begin(), path, [&](const std::string& earlier) {
-      return std::filesystem::equivalent(earlier, *path);
-    });
+    const auto same = std::find_if(
+        paths.begin(), path, [&](const std::string& earlier) { return std::filesystem::equivalent(earlier, *path); });
     if (same != path) throw std::runtime_error("bag '" + *path + "': given twice, expected each bag once");
   }
   return bags;

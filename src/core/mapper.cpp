@@ -14,7 +14,8 @@ namespace {
 // The latency of a depth camera's driver. So many surfaces are this long at 100 Hz; at higher rates not all are kept.
 constexpr double kMaxLatency_s = 0.3;
 constexpr std::size_t kMaxSurfaces = 32;
-constexpr std::size_t kMaxDepths = 8, kMaxSweeps = 4;
+// Depth images wait for a surface of their time: where events are missing for a second, until they come back.
+constexpr std::size_t kMaxDepths = 32, kMaxSweeps = 4;
 // The first reference decides the scale of all that follows: it waits for enough edges.
 constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
 // The local map is composed anew when the view has moved by this share of the scene's depth, or this angle.
@@ -23,6 +24,16 @@ constexpr std::size_t kExplainedStep = 8;
 constexpr double kObserveEvery_s = 0.04;
 // Surfaces of views nearer to each other have much of their errors in common: one of them refines the map.
 constexpr double kNewView = 0.01;
+
+/// Of at least three in the order of their time, the one that its neighbours replace best, the oldest of several;
+/// neither the first nor the last.
+template <typename TimeAt>
+std::ptrdiff_t Dispensable(std::size_t size, const TimeAt& time_ns_at) {
+  const auto gap_ns = [&](std::size_t i) { return time_ns_at(i + 1) - time_ns_at(i - 1); };
+  std::size_t least = 1;
+  for (std::size_t i = 2; i + 1 < size; ++i) least = gap_ns(i) < gap_ns(least) ? i : least;
+  return static_cast<std::ptrdiff_t>(least);
+}
 
 /// With the camera and the pose of the depth images: those made of sweeps are in the undistorted event image.
 Rig DepthImageRig(Rig rig) {
@@ -85,11 +96,9 @@ void Mapper::ForgetASurface() {
     surfaces_.pop_front();
     return;
   }
-  // All of them may be asked for yet: the one goes that its neighbours replace best, the oldest of several.
-  const auto gap_ns = [this](std::size_t i) { return surfaces_[i + 1]->t_ns - surfaces_[i - 1]->t_ns; };
-  std::size_t least = 1;
-  for (std::size_t i = 2; i + 1 < surfaces_.size(); ++i) least = gap_ns(i) < gap_ns(least) ? i : least;
-  surfaces_.erase(surfaces_.begin() + static_cast<std::ptrdiff_t>(least));
+  // All of them may be asked for yet.
+  surfaces_.erase(surfaces_.begin() +
+                  Dispensable(surfaces_.size(), [this](std::size_t i) { return surfaces_[i]->t_ns; }));
 }
 
 void Mapper::AddPose(const PoseEstimate& pose) {
@@ -108,9 +117,14 @@ void Mapper::AddPose(const PoseEstimate& pose) {
 
 void Mapper::AddDepth(const DepthImage& depth) {
   ++counters_.depth_in;
+  const std::int64_t t_ns = depth.t_ns + event_delay_ns_ + NsFromSeconds(depth_delay_s_);
+  // What is later than this one had a wrong stamp, and would hold it up.
+  while (!depths_.empty() && depths_.back().t_ns > t_ns) depths_.pop_back();
   depths_.push_back(depth);
-  depths_.back().t_ns += event_delay_ns_ + NsFromSeconds(depth_delay_s_);
-  if (depths_.size() > kMaxDepths) depths_.pop_front();
+  depths_.back().t_ns = t_ns;
+  // They carry the odometry through a gap of the events, all of it: the first ones as much as the last.
+  if (depths_.size() <= kMaxDepths) return;
+  depths_.erase(depths_.begin() + Dispensable(depths_.size(), [this](std::size_t i) { return depths_[i].t_ns; }));
 }
 
 void Mapper::AddSweep(LidarSweep sweep) {

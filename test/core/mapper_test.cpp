@@ -266,6 +266,16 @@ TEST(Mapper, DropsADepthImageThatHasNoSurfaceNearby) {
   EXPECT_EQ(mapper.counters().depth_used, 0U);
 }
 
+TEST(Mapper, IsNotHeldUpByADepthImageThatIsStampedFarAhead) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddDepth(Wall(100'000 * kMs));
+  mapper.AddDepth(Wall(200 * kMs));
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));
+  mapper.AddPose(PoseAt(200 * kMs));
+  mapper.Update();
+  EXPECT_EQ(mapper.counters().depth_used, 2U);
+}
+
 TEST(Mapper, AddsNothingWhileTrackingIsLost) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(300, 100)));
@@ -343,7 +353,6 @@ TEST(Mapper, ForgetsItsMapWhenASurfaceOfANewEpochComes) {
   EXPECT_THAT(map->points, SizeIs(300));
 }
 
-/// A wall 2 m away as a LiDAR of 16 beams sees it in a tenth of a second, of which the camera sees the middle third.
 /// What the mapper says of depth images of a room's corner, the last of them off its predicted pose by this.
 std::vector<DepthPose> PosesByDepth(const OdometryOptions& options, const Rigid3& off) {
   Rig rig = TestRig();
@@ -374,6 +383,38 @@ TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
   EXPECT_TRUE(PosesByDepth(options, off).empty());
 }
 
+TEST(Mapper, SaysWhereTheCameraWasByDepthAllThroughAGapOfTheEvents) {
+  Rig rig = TestRig();
+  rig.depth_registered = false;
+  rig.depth_camera = DepthSceneCamera();
+  Mapper mapper(rig, OdometryOptions());
+  const auto depth_at = [](std::int64_t t_ns) {
+    return DepthImage{t_ns, DepthSeen(Rigid3(), 0, DepthScene::kRoom, 1)};
+  };
+  for (const std::int64_t t_ms : {100, 110}) {
+    mapper.AddSurface(SurfaceAt(t_ms * kMs, Edges(600, 16)));
+    if (t_ms > 100) mapper.AddPose(PoseAt(t_ms * kMs));
+    mapper.AddDepth(depth_at(t_ms * kMs));
+    mapper.Update();
+  }
+  // Without events there are no surfaces: they all come with the first event after the gap.
+  constexpr std::int64_t kEnd_ms = 1400;
+  for (std::int64_t t_ms = 133; t_ms < kEnd_ms; t_ms += 33) mapper.AddDepth(depth_at(t_ms * kMs));
+  std::int64_t last_ms = 110, longest_ms = 0;
+  for (std::int64_t t_ms = 120; t_ms <= kEnd_ms; t_ms += 10) {
+    mapper.AddSurface(SurfaceAt(t_ms * kMs, {}));
+    mapper.AddPose(PoseAt(t_ms * kMs));
+    mapper.Update();
+    for (const DepthPose& pose : mapper.TakeDepthPoses()) {
+      longest_ms = std::max(longest_ms, pose.t_ns / kMs - last_ms);
+      last_ms = pose.t_ns / kMs;
+    }
+  }
+  EXPECT_LE(longest_ms, 66);
+  EXPECT_GE(last_ms, kEnd_ms - 66);
+}
+
+/// A wall 2 m away as a LiDAR of 16 beams sees it in a tenth of a second, of which the camera sees the middle third.
 LidarSweep WallSweep(std::int64_t end_ns) {
   LidarSweep sweep;
   sweep.end_ns = end_ns;

@@ -27,6 +27,9 @@ constexpr float kMinDepth_m = 0.05F;
 // of the map's mean distance.
 constexpr double kMaxShiftShare = 1;
 constexpr double kMaxNormalisedSquare = 25;
+// No prediction is in what a search finds: fewer points do not hold the six unknowns of a pose, of which about 15 that
+// err together are one measurement, and among many edges some pose is met by most of them.
+constexpr int kLeastMatched = 6 * 15;
 
 /// With a field that reaches `radius_px` and tells nearest edges apart to a twelfth of that: a field to the pixel took
 /// longer than all else of a search.
@@ -141,6 +144,7 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
   options.surface.truncation_px = std::max(options_.surface.truncation_px, kMiddleShare * surface.width());
   start.T_event_ref = Align(points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
   const AlignmentResult result = Align(points, surface, camera_, start, Vector6d::Zero(), options_);
+  if (result.matched * map->points.size() < kLeastMatched * points.size()) return;  // of all points as many
   if (best->map && result.inlier_share <= best->alignment.inlier_share) return;
   const Rigid3 T_world_found = map->T_world_ref * result.T_event_ref.inverse();
   const double shift_m = (T_world_event.inverse() * T_world_found).translation().norm();
@@ -177,7 +181,7 @@ std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, co
   }
   if (!best.map) return std::nullopt;
   AlignAllPoints(surface, &best);
-  if (best.alignment.inlier_share < min_share) return std::nullopt;
+  if (best.alignment.inlier_share < min_share || best.alignment.matched < kLeastMatched) return std::nullopt;
   return best;
 }
 

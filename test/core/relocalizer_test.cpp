@@ -103,6 +103,20 @@ TEST(Relocalizer, FindsNothingWhenLessThanTheNeededShareMatches) {
   EXPECT_TRUE(relocalizer.Search(half, map, From({Rigid3()}), false, 0.4));
 }
 
+TEST(Relocalizer, TakesNoPoseThatTooFewPointsHoldHoweverLargeTheirShare) {
+  const auto whole = Map(12);
+  const Rigid3 truth = Pose(0.03, -0.04, 0.05, 0.02, -0.01, 0.04);
+  Relocalizer relocalizer(TestCamera(), {});
+  for (const std::size_t points : {60U, 240U}) {
+    auto map = std::make_shared<LocalMap>(*whole);
+    const std::size_t every = whole->points.size() / points;
+    map->points.clear();
+    for (std::size_t i = 0; i < points; ++i) map->points.push_back(whole->points[i * every]);
+    const auto found = relocalizer.Search(Seen(*whole, truth), map, From({truth}), false, kMinShare);
+    EXPECT_EQ(found.has_value(), points > 100);
+  }
+}
+
 TEST(Relocalizer, ReturnsToARememberedPlaceOnlyWhenAskedTo) {
   const auto map = Map(7), place = Map(8, PlaceView(8));
   const Rigid3 truth = place->T_world_ref * Pose(0.03, 0.02, -0.02, 0.01, 0.02, -0.02);

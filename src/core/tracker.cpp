@@ -204,11 +204,10 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
-  const bool may_move = surface.still && !held_ && unseen_s < kMaxCoast_s;
+  const bool free = surface.still && !held_, may_move = free && unseen_s < kMaxCoast_s;
   // Depth that agrees measures the motion on, however long events are missing.
-  const bool by_depth = SecondsFromNs(surface.t_ns - depth_fusion_.found_ns()) < kMaxCoast_s;
-  missing_ = surface.still && !held_ && (may_move || (missing_ && by_depth)) &&
-             (missing_ || activity_.EndedSuddenly()) &&
+  const bool by_depth = free && missing_ && SecondsFromNs(surface.t_ns - depth_fusion_.found_ns()) < kMaxCoast_s;
+  missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) &&
              MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   held_ = surface.still && !coasting_;

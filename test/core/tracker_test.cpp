@@ -593,6 +593,17 @@ TEST(Tracker, GoesOnByDepthWhereEventsAreMissing) {
   EXPECT_GT(Log(TrueAt(kNow_ns).inverse() * at(60)).norm(), 0.3);
 }
 
+TEST(Tracker, GoesOnByDepthForAsLongAsEventsAreMissing) {
+  const auto tracker = Moving();
+  const auto at = [&](int k) { return TrueAt(kNow_ns + k * kPeriod_ns); };
+  for (int k = 1; k <= 200; ++k) {
+    if (k > 4 && k % 3 == 0) tracker->AddDepthPose(ByDepth(kNow_ns + (k - 3) * kPeriod_ns, at(k - 3)));
+    const auto pose = tracker->Track(Still(kNow_ns + k * kPeriod_ns, 0));
+    ASSERT_LT(Log(at(k).inverse() * pose->T_world_event).norm(), 0.01) << k;
+    ASSERT_LT((tracker->MeanVelocity() - Twist()).norm(), 0.2) << k;
+  }
+}
+
 TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionThatItShows) {
   const auto tracker = Moving();
   std::optional<PoseEstimate> pose;

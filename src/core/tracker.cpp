@@ -44,7 +44,7 @@ constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
-constexpr double kMaxWait_s = 0.3;  // a depth image takes less to become a map, a driver included
+constexpr double kMaxWait_s = 0.3;  // a depth image takes less to become a map, a driver included: as in Mapper
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.

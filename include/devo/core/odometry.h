@@ -41,7 +41,7 @@ class Odometry {
 
   /// A depth image; images come in the order of their time, each best before events that are later than it by more than
   /// one surface period (a reader that merges streams by stamp does that). One that comes later meets the surface and
-  /// pose of its time, as long as that is among the last 32 surfaces.
+  /// pose of its time, as long as that is at most 0.3 s ago.
   void AddDepth(const DepthImage& depth);
 
   /// A sweep of a LiDAR, of a rig with `depth_from_lidar`; in the order of their ends, each before events that are

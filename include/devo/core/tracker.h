@@ -120,7 +120,7 @@ class Tracker {
   std::int64_t last_found_ns_ = 0;  // when tracking was not lost, or a chapter began
   std::int64_t started_ns_ = 0;     // when motion_ was last started at a known pose
   Rigid3 T_world_started_;          // that pose
-  bool anew_ = false;               // since the last surface
+  bool anew_ = false;               // it was started so since the last surface
   std::deque<SurfacePtr> waiting_;  // surfaces of the last moment without a map that helps
   bool follow_ = false;             // them through the map that has come
   std::int64_t searched_ns_ = 0;    // when a search was last made

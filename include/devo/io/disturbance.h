@@ -20,7 +20,6 @@ struct DisturbanceOptions {
   std::vector<Span> event_gaps, depth_gaps;
   double event_loss = 0;       ///< share of the events that are lost at random, 0 to 1
   double hot_pixel_share = 0;  ///< share of the pixels that fire by themselves, 100 times a second on average, 0 to 1
-
   double depth_latency_s = 0;  ///< from a depth image's time to its arrival among the events
 
   bool any() const {

@@ -42,6 +42,7 @@ OdometryOptions Validated(const OdometryOptions& options) {
 
 struct Tracked {
   std::optional<PoseEstimate> pose;
+  Vector6d mean_velocity;  // [v; omega], m/s and rad/s, event frame
   float ms;
 };
 
@@ -68,8 +69,10 @@ struct Odometry::Impl {
   std::int64_t period_ns;
   std::int64_t next_ns = 0;  // time of the next surface; 0 before the first event
   SceneDepth scene_depth;
-  std::vector<ImuSample> imu;  // since the last surface
-  SurfacePtr surface;          // the last one
+  Vector6d velocity = Vector6d::Zero();       // for the next surface: of the pose of the last but one
+  Vector6d last_velocity = Vector6d::Zero();  // of the last pose taken
+  std::vector<ImuSample> imu;                 // since the last surface
+  SurfacePtr surface;                         // the last one
   std::shared_future<Tracked> tracked;
   std::deque<std::future<Mapped>> mapped;  // of the last surfaces, oldest first
   Mapper::Counters mapper_counters;
@@ -106,23 +109,21 @@ void Odometry::AddEvents(EventSpan events) {
 
 void Odometry::Step() {
   Impl& m = *impl_;
-  const Stopwatch filtering;
-  m.surfaces.Filter();  // beside the tracking of the surface before, whose velocity rendering needs
-  const float filter_ms = filtering.ms();
+  const Stopwatch rendering;  // beside the tracking of the surface before
+  SurfacePtr surface = m.surfaces.Render(m.next_ns, m.velocity, m.scene_depth);
+  m.timings.surface_ms.push_back(rendering.ms());
+  m.next_ns += m.period_ns;
   TakePose();
+  m.velocity = m.last_velocity;
   TakeMaps(kMapDelay);
   for (const ImuSample& sample : m.imu) m.tracker.AddImu(sample);
   m.imu.clear();
 
-  const Stopwatch rendering;
-  m.surface = m.surfaces.Render(m.next_ns, m.tracker.MeanVelocity(), m.scene_depth);
-  m.timings.surface_ms.push_back(filter_ms + rendering.ms());
-  m.next_ns += m.period_ns;
-  const SurfacePtr surface = m.surface;
+  m.surface = surface;
   m.tracked = m.tracking_thread.Run([&m, surface]() -> Tracked {
     const Stopwatch tracking;
     auto pose = m.tracker.Track(surface);
-    return {std::move(pose), tracking.ms()};
+    return {std::move(pose), m.tracker.MeanVelocity(), tracking.ms()};
   });
   m.mapped.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked]() -> Mapped {
     const std::optional<PoseEstimate>& pose = tracked.get().pose;
@@ -140,6 +141,7 @@ void Odometry::TakePose() {
   if (!m.tracked.valid()) return;
   const Tracked tracked = std::exchange(m.tracked, {}).get();
   m.timings.tracking_ms.push_back(tracked.ms);
+  m.last_velocity = tracked.mean_velocity;
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
 }
 

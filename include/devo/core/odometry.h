@@ -27,9 +27,9 @@ namespace devo {
 
 class Odometry {
  public:
-  /// With `threads` above 1, a surface is tracked beside the insertion and filtering of the next one's events, and
-  /// depth is mapped beside both, on two threads of its own. The results are the same to the last bit. Throws
-  /// std::invalid_argument when an option is out of range.
+  /// With `threads` above 1, a surface is tracked while the next one is rendered, and depth is mapped beside both, on
+  /// two threads of its own. The results are the same to the last bit. Throws std::invalid_argument when an option is
+  /// out of range.
   Odometry(const Rig& rig, const OdometryOptions& options, int threads = 1);
   ~Odometry();
 

@@ -85,10 +85,11 @@ void NoiseFilterPass(benchmark::State& state) {
 BENCHMARK(NoiseFilterPass)->Unit(benchmark::kMillisecond);
 
 /// Insertion of one period's events is not counted; what is left is the surface from scratch to ready for tracking.
-void RenderSurface(benchmark::State& state, const char* method) {
+void RenderSurface(benchmark::State& state, const char* method, double delta = SurfaceOptions().delta) {
   MovingEdges scene(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)), RateOf(state));
   SurfaceOptions options;
   options.method = method;
+  options.delta = delta;
   SurfaceBuilder builder(scene.camera(), options);
   std::vector<Event> events;
   double edges = 0, used = 0;
@@ -109,6 +110,8 @@ void RenderSurface(benchmark::State& state, const char* method) {
 }
 BENCHMARK_CAPTURE(RenderSurface, motion_compensated, "motion_compensated")->Apply(Resolutions);
 BENCHMARK_CAPTURE(RenderSurface, exponential, "exponential")->Apply(Resolutions);
+/// The image alone: no pixel is above the threshold of the semi-dense region.
+BENCHMARK_CAPTURE(RenderSurface, exponential_alone, "exponential", 1.0)->Apply(Resolutions);
 
 /// The same on edges as a room has them, with the sensor's noise: the first half second, over and over. The mean over
 /// quiet and fast parts.

@@ -20,7 +20,8 @@ constexpr double kManeuver_s = 0.15;
 // Without events a motion is taken to go on about this long.
 constexpr double kCoast_s = 0.5;
 constexpr double kStartSigma_m = 1e-3, kStartSigma_rad = 1e-3;
-constexpr double kStartSpeed_m_s = 0.5, kStartTurn_rad_s = 0.5;
+// As accelerations are: hands turn a camera more than they shift it, in the image.
+constexpr double kStartSpeed_m_s = 0.3, kStartTurn_rad_s = 1;
 constexpr double kStillSpeed_m_s = 0.01, kStillTurn_rad_s = 0.01;
 
 // Consumer parts: bias up to degrees per second when cold, and a mounting known to a degree.

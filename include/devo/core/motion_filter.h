@@ -28,8 +28,9 @@ class MotionFilter {
 
   void SetOptions(const TrackingOptions& options) { options_ = options; }
 
-  /// Starts with a velocity [v; omega] of and in the event frame, by default at rest (to within a walking
-  /// pace and a slow turn), at a pose known to a millimetre and milliradian. What is known of gravity and biases stays.
+  /// Starts with a velocity [v; omega] of and in the event frame, by default at rest, known to
+  /// within 0.3 m/s and 1 rad/s, at a pose known to a millimetre and milliradian. What is known of gravity and biases
+  /// stays.
   void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero());
 
   /// The same moment in another world, in which the pose is as well known as at a start.

@@ -46,21 +46,25 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d stated = estimate.covariance + alone + rest;
   const bool knows_all = depth.KnowsAllDirections();
   if (knows_all) error_scale_.Note(depth.t_ns, residual, stated);
-  if (NormalisedSquare(residual, stated) > kMaxNormalisedSquare) {
+  const double square = NormalisedSquare(residual, stated);
+  const bool contradicts = square > kMaxNormalisedSquare;
+  if (contradicts && (knows_all || !estimate.doubtful)) {
     contradictions_ += knows_all ? 1 : 0;
     return std::nullopt;
   }
-  contradictions_ = 0;
+  if (!contradicts) contradictions_ = 0;
+  // A pose that is doubtful is as wrong as depth says, in the directions that depth knows.
+  const Matrix6d covariance = std::max(1.0, square / kMaxNormalisedSquare) * estimate.covariance;
   agreed_ns_ = depth.t_ns;
   if (knows_all) found_ns_ = depth.t_ns;
 
   const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
-  const Matrix6d s_inverse = (estimate.covariance + R).ldlt().solve(I);
+  const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
   const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);
   delay_s_ = StepDelay(delay_s_, gain.dot(residual), kMaxDelay_s);
   delay_variance_ -= kDelayDrop * delay_variance_ * gain.dot(per_delay);
-  return Correction{estimate.covariance * (s_inverse * residual), R.ldlt().solve(I)};
+  return Correction{covariance * (s_inverse * residual), R.ldlt().solve(I)};
 }
 
 }  // namespace devo

@@ -104,7 +104,8 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   Matrix6d covariance = motion_.pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
   const auto correction = depth_fusion_.Correct(
-      depth, {*T_world_then, T_world_now, covariance, since_s * since_s * motion_.velocity_covariance()});
+      depth, {*T_world_then, T_world_now, covariance, since_s * since_s * motion_.velocity_covariance(),
+              quality_.suspicious_in_a_row() > 0});
   if (correction && !held_) {
     const Rigid3 T_world_moved = T_world_now * Exp(correction->moved);
     motion_.Update(motion_.time_ns(), T_world_moved, correction->information);

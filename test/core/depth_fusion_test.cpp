@@ -75,6 +75,22 @@ TEST(DepthFusion, AnImageThatLeavesADirectionOpenTellsNothingOfDelaysAndIsNeithe
   EXPECT_EQ(fusion.contradictions(), 0);
 }
 
+TEST(DepthFusion, AnImageThatLeavesADirectionOpenCorrectsADoubtfulPoseInTheOthers) {
+  DepthFusion::Estimate estimate = EstimateAt(Rigid3());
+  DepthPose far = PoseAt(kPeriod_ns, Exp(100 * SmallStep()));
+  far.information(0, 0) = 0;
+  EXPECT_FALSE(DepthFusion().Correct(far, estimate));
+  estimate.doubtful = true;
+  DepthFusion fusion;
+  const auto correction = fusion.Correct(far, estimate);
+  ASSERT_TRUE(correction);
+  EXPECT_LT(correction->moved(0) / (100 * SmallStep()(0)), 1e-3);
+  EXPECT_GT(correction->moved(1) / (100 * SmallStep()(1)), 0.9);
+  EXPECT_EQ(fusion.found_ns(), 0);
+  // One that knows all directions replaces such a pose, when there are more of them.
+  EXPECT_FALSE(DepthFusion().Correct(PoseAt(kPeriod_ns, Exp(100 * SmallStep())), estimate));
+}
+
 TEST(DepthFusion, ImagesThatFollowEachOtherSoonCountForLess) {
   DepthFusion fusion;
   const double first = fusion.Correct(PoseAt(kPeriod_ns, Rigid3()), EstimateAt(Rigid3()))->information(0, 0);

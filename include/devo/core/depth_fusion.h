@@ -21,12 +21,14 @@ class DepthFusion {
     Rigid3 T_world_then, T_world_now;  ///< of the event camera, at the depth image's time and at the newest surface's
     Matrix6d covariance;               ///< of a right perturbation [rho; phi] (m, rad) of T_world_now
     Matrix6d covariance_since;         ///< of the motion from then to now
+    bool doubtful = false;             ///< less than usual of what was seen matches: it may be farther off than stated
   };
   struct Correction {
     Vector6d moved;        ///< right perturbation of T_world_now to the most probable pose
     Matrix6d information;  ///< of the depth alone, on such a perturbation
   };
-  /// Depth poses in the order of their time. Empty where the two contradict each other.
+  /// Depth poses in the order of their time. Empty where the two contradict each other; but one that leaves a direction
+  /// open, and so cannot replace a doubtful pose, corrects it in the others.
   std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
 
   /// Of the last depth images in a row, those that leave a direction open not counted.

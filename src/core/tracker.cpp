@@ -28,6 +28,8 @@ constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35;
 constexpr double kLostAfter_s = 0.2;          // of poses in a row that matched next to nothing, or far less than usual
 constexpr double kInertialLostAfter_s = 0.6;  // the same, bridged by an inertial sensor
+constexpr double kKnownLostAfter_s = 1.2;     // that knows the acceleration, too: a view can pass between depth images
+constexpr double kInertialCoast_s = 2;        // lost, it still tells where the camera goes for so long
 // Where a pose is suspicious a better is sought, every few surfaces.
 constexpr double kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
@@ -391,9 +393,10 @@ bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_
 }
 
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
-  // While lost, velocities are guesses: nothing is built on them.
+  // While lost, velocities are guesses: nothing is built on them. Those of an inertial sensor are not, for a while.
   const bool lost = state_ == TrackingState::kLost && !begun_;
-  inertial_prior_ = !lost && Advance(surface.t_edges_ns, &motion_);
+  const bool goes_on = lost && InertialFits() && SecondsFromNs(surface.t_ns - last_found_ns_) < kInertialCoast_s;
+  inertial_prior_ = (!lost || goes_on) && Advance(surface.t_edges_ns, &motion_);
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
   const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
@@ -413,9 +416,9 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
-  } else if (lost && suspicious) {
+  } else if (lost && suspicious && !inertial_prior_) {
     motion_.Coast(surface.t_edges_ns);
-  } else if (inertial_fits && bad) {
+  } else if (inertial_fits && (bad || (lost && suspicious))) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
@@ -451,7 +454,9 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, wide, map_->chapter},
                                          state_ == TrackingState::kLost,
                                          std::max(0.5 * quality_.usual_share(), result->inlier_share + kBetterBy));
-  if (!found) return false;
+  // What an inertial sensor saw of the way is better than a view that matches less than usual.
+  if (!found || (inertial_prior_ && InertialFits() && quality_.IsSuspicious(found->alignment.inlier_share)))
+    return false;
   *result = found->alignment;
   map_ = found->map;
   return true;
@@ -460,7 +465,8 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
 void Tracker::UpdateState(PoseEstimate* pose) {
   quality_.Note(pose->inlier_share);
   const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kLostAfter_s;
-  if (quality_.bad_in_a_row() >= Surfaces(inertial_prior_ ? kInertialLostAfter_s : kLostAfter_s) && !by_depth) {
+  const double bridged_s = motion_.knows_acceleration() ? kKnownLostAfter_s : kInertialLostAfter_s;
+  if (quality_.bad_in_a_row() >= Surfaces(inertial_prior_ ? bridged_s : kLostAfter_s) && !by_depth) {
     state_ = TrackingState::kLost;
   } else if (pose->inlier_share < kDegradedShare ||
              (state_ == TrackingState::kLost && quality_.suspicious_in_a_row() > 0)) {

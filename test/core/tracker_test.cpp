@@ -463,21 +463,37 @@ Surface SeenElsewhere(std::int64_t t_ns) {
   return surface;
 }
 
-TEST(Tracker, GoesOnWithTheInertialSensorThroughAViewThatTheMapDoesNotHaveYet) {
+/// Poses of a constant motion with an inertial sensor, at which surfaces of (from, until] see what the map does not
+/// have.
+std::vector<PoseEstimate> PosesPastAnUnknownView(int from, int until, int surfaces) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());
-  std::optional<PoseEstimate> pose;
-  double worst = 0;
-  for (int k = 1; k <= 100; ++k) {
+  std::vector<PoseEstimate> poses;
+  for (int k = 1; k <= surfaces; ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
     for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
-    pose = tracker.Track(k <= 40 || k > 80 ? Seen(t_ns, TrueAt(t_ns)) : SeenElsewhere(t_ns));
-    ASSERT_TRUE(pose);
-    if (k > 40) worst = std::max(worst, Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm());
-    EXPECT_NE(pose->state, TrackingState::kLost) << k;
+    poses.push_back(tracker.Track(k <= from || k > until ? Seen(t_ns, TrueAt(t_ns)) : SeenElsewhere(t_ns)).value());
   }
-  EXPECT_LT(worst, 0.02);  // of 0.13 m
-  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+  return poses;
+}
+
+double ErrorOf(const PoseEstimate& pose) { return Log(TrueAt(pose.t_ns).inverse() * pose.T_world_event).norm(); }
+
+TEST(Tracker, GoesOnWithTheInertialSensorThroughAViewThatTheMapDoesNotHaveYet) {
+  const auto poses = PosesPastAnUnknownView(60, 160, 180);  // a second: the time between depth images at 1 Hz
+  for (const PoseEstimate& pose : poses) {
+    EXPECT_NE(pose.state, TrackingState::kLost) << pose.t_ns;
+    if (pose.t_ns > 60 * kPeriod_ns) EXPECT_LT(ErrorOf(pose), 0.03) << pose.t_ns;  // of 0.34 m
+  }
+  EXPECT_LT(ErrorOf(poses.back()), 1e-3);
+}
+
+TEST(Tracker, SaysThatItIsLostWhenTheViewStaysUnknownButGoesOnWithTheInertialSensor) {
+  const auto poses = PosesPastAnUnknownView(60, 260, 280);
+  EXPECT_EQ(poses[259].state, TrackingState::kLost);
+  EXPECT_LT(ErrorOf(poses[259]), 0.15);  // of 0.67 m
+  EXPECT_NE(poses.back().state, TrackingState::kLost);
+  EXPECT_LT(ErrorOf(poses.back()), 1e-3);
 }
 
 /// A third of what a camera at the pose sees of the map, and all of it as if from elsewhere.

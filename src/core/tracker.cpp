@@ -22,8 +22,8 @@ constexpr double kUsualRate_hz = 100;
 constexpr double kInertialCaution = 4;
 constexpr double kEdgeSigma_px = 0.5;
 constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
-// Surfaces are compensated with the mean velocity of this span, about that of their events: the filter's velocity is
-// newer, but noisier, and its noise would come back through the surfaces.
+// Without an inertial sensor surfaces are compensated with the mean velocity of this span, about that of their events:
+// the filter's velocity is newer, but noisier, and its noise would come back through the surfaces.
 constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35;
 constexpr double kLostAfter_s = 0.2;          // of poses in a row that matched next to nothing, or far less than usual
@@ -178,9 +178,10 @@ void Tracker::Reset() {
 
 int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.surface.rate_hz); }
 
-Vector6d Tracker::MeanVelocity() const {
+Vector6d Tracker::SurfaceVelocity() const {
   if (history_.empty()) return Vector6d::Zero();
-  if (!options_.tracking.ideas.mean_velocity) return motion_.Predict(motion_.time_ns()).velocity_event;
+  const bool measured = inertial_prior_ && InertialFits();
+  if (measured || !options_.tracking.ideas.mean_velocity) return motion_.Predict(motion_.time_ns()).velocity_event;
   const auto T_world_then = history_.At(history_.last_time_ns() - NsFromSeconds(kVelocitySpan_s));
   return T_world_then ? Vector6d(Log(T_world_then->inverse() * history_.last()) / kVelocitySpan_s) : Vector6d::Zero();
 }
@@ -264,7 +265,7 @@ bool Tracker::StartFromRest() {
 void Tracker::NoteActivity(const Surface& surface) {
   if (!surface.still) last_active_ns_ = surface.t_ns;
   const bool known = !surface.still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
-  activity_.Note(surface, known ? Flow(MeanVelocity()) : 0);
+  activity_.Note(surface, known ? Flow(SurfaceVelocity()) : 0);
 }
 
 double Tracker::Flow(const Vector6d& velocity_event) const {
@@ -281,7 +282,7 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   const auto now = PredictAt(t_shown_ns);
   pose->T_world_event = held ? motion_.pose() : now.T_world_event;
   pose->depth_delay_s = depth_fusion_.delay_s();
-  pose->velocity_event = MeanVelocity();
+  pose->velocity_event = SurfaceVelocity();
   pose->covariance_event = StatedCovariance(now);
 }
 

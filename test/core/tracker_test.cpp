@@ -69,7 +69,7 @@ constexpr std::int64_t kNow_ns = 50 * kPeriod_ns;
 TEST(Tracker, HasNoPoseWithoutAMap) {
   Tracker tracker(TestCamera(), OdometryOptions());
   EXPECT_FALSE(tracker.Track(Seen(kPeriod_ns, Rigid3())));
-  EXPECT_TRUE(tracker.MeanVelocity().isZero());
+  EXPECT_TRUE(tracker.SurfaceVelocity().isZero());
 }
 
 TEST(Tracker, IgnoresAMapOfAnotherEpoch) {
@@ -93,8 +93,8 @@ TEST(Tracker, FollowsACameraInMotionFromTheTimeOfAFirstMapThatComesLate) {
   }
   const auto pose = waiting.Track(std::make_shared<const Surface>(Seen(11 * kPeriod_ns, at(11))));
   EXPECT_LT(Log(at(11).inverse() * pose->T_world_event).norm(), 3e-3);
-  EXPECT_LT((waiting.MeanVelocity() - fast).norm(), 0.3);
-  EXPECT_GT((sudden.MeanVelocity() - fast).norm(), 1);
+  EXPECT_LT((waiting.SurfaceVelocity() - fast).norm(), 0.3);
+  EXPECT_GT((sudden.SurfaceVelocity() - fast).norm(), 1);
 }
 
 TEST(Tracker, SaysWhereTheCameraWasSinceTheTimeOfAFirstMapThatComesLate) {
@@ -150,7 +150,7 @@ TEST(Tracker, FollowsAConstantMotionToAMillimetreAndKnowsItsVelocity) {
     ASSERT_GT(pose->inlier_share, 0.9) << k;
     ASSERT_TRUE(pose->covariance_event.allFinite());
   }
-  EXPECT_LT((tracker.MeanVelocity() - Twist()).norm(), 0.02);
+  EXPECT_LT((tracker.SurfaceVelocity() - Twist()).norm(), 0.02);
 }
 
 /// Of a position, m, as stated after 0.3 s.
@@ -321,7 +321,7 @@ TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
     ASSERT_LT(Log(held.inverse() * pose->T_world_event).norm(), 1e-9) << k;
   }
   EXPECT_LT(Log(stopped.inverse() * held).norm(), 3e-3);
-  EXPECT_LT(tracker->MeanVelocity().norm(), 1e-6);
+  EXPECT_LT(tracker->SurfaceVelocity().norm(), 1e-6);
 }
 
 TEST(Tracker, HoldsThePoseAfterAHardStop) {
@@ -414,21 +414,23 @@ TEST(Tracker, GivesWayToThePredictionUnlessThePriorIsSwitchedOff) {
   }
 }
 
-TEST(Tracker, GivesTheNewestVelocityWhenItsMeanIsSwitchedOff) {
+TEST(Tracker, GivesTheNewestVelocityWithAnInertialSensorOrWhenItsMeanIsSwitchedOff) {
   // From rest, 3 m/s^2 sideways for 0.2 s: the mean of 40 ms is 20 ms older than the newest.
-  const auto behind_m_s = [](bool mean_velocity) {
+  const auto behind_m_s = [](bool mean_velocity, bool inertial) {
     OdometryOptions options;
     options.tracking.ideas.mean_velocity = mean_velocity;
     Tracker tracker(TestCamera(), options);
     tracker.SetMap(Map());
     for (int k = 1; k <= 20; ++k) {
       const double t_s = SecondsFromNs(k * kPeriod_ns);
+      for (int i = -4; i <= 0 && inertial; ++i) tracker.AddImu(ReadAlongX(k * kPeriod_ns + i * kPeriod_ns / 5, 3));
       tracker.Track(Seen(k * kPeriod_ns, Rigid3::Translation({1.5 * t_s * t_s, 0, 0})));
     }
-    return 0.6 - tracker.MeanVelocity()[0];
+    return 0.6 - tracker.SurfaceVelocity()[0];
   };
-  EXPECT_GT(behind_m_s(false), 0);
-  EXPECT_LT(behind_m_s(false), behind_m_s(true) - 0.01);
+  EXPECT_GT(behind_m_s(false, false), 0);
+  EXPECT_LT(behind_m_s(false, false), behind_m_s(true, false) - 0.01);
+  EXPECT_LT(std::abs(behind_m_s(true, true)), behind_m_s(true, false) - 0.01);
 }
 
 TEST(Tracker, TakesAHandfulOfMatchesForNoPoseAndHoldsWhileItIsLost) {
@@ -592,7 +594,7 @@ TEST(Tracker, IsMovedByDepthAsFarAsThatIsBetterKnown) {
   const Vector6d difference = Log(unmoved->T_world_event.inverse() * moved->T_world_event);
   EXPECT_GT(difference.x(), 1e-5);
   EXPECT_LT(difference.norm(), 2e-3);
-  EXPECT_LT((tracker->MeanVelocity() - alone->MeanVelocity()).norm(), 0.02) << "a correction is no velocity";
+  EXPECT_LT((tracker->SurfaceVelocity() - alone->SurfaceVelocity()).norm(), 0.02) << "a correction is no velocity";
 }
 
 TEST(Tracker, GoesOnByDepthWhereEventsAreMissing) {
@@ -616,7 +618,7 @@ TEST(Tracker, GoesOnByDepthForAsLongAsEventsAreMissing) {
     if (k > 4 && k % 3 == 0) tracker->AddDepthPose(ByDepth(kNow_ns + (k - 3) * kPeriod_ns, at(k - 3)));
     const auto pose = tracker->Track(Still(kNow_ns + k * kPeriod_ns, 0));
     ASSERT_LT(Log(at(k).inverse() * pose->T_world_event).norm(), 0.01) << k;
-    ASSERT_LT((tracker->MeanVelocity() - Twist()).norm(), 0.2) << k;
+    ASSERT_LT((tracker->SurfaceVelocity() - Twist()).norm(), 0.2) << k;
   }
 }
 

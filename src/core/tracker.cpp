@@ -37,8 +37,10 @@ constexpr double kSearchEvery_s = 0.04;
 constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
-// So many depth images in a row that contradict a pose without events are right.
-constexpr int kContradictions = 2;
+// So many depth images in a row that contradict a pose without events are right. At a gap's beginning there is no pose
+// for tens of milliseconds, and what lies between two is a guess that depth contradicts where the motion changes fast:
+// what an inertial sensor led to is not given up for that.
+constexpr int kContradictions = 2, kInertialContradictions = 6;
 constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not the events' any more
 constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
@@ -121,7 +123,8 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
   if (by_events) T_world_by_depth_ = T_world_now;
   const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
-  if (sure_of_events || depth_fusion_.contradictions() < kContradictions) return;
+  const bool inertial = coasting_ && inertial_prior_ && InertialFits() && state_ != TrackingState::kLost;
+  if (sure_of_events || depth_fusion_.contradictions() < (inertial ? kInertialContradictions : kContradictions)) return;
   const std::int64_t now_ns = motion_.time_ns();
   // What two images span of the motion before a standstill says nothing of now.
   const bool of_now = !held_ || depth_fusion_.velocity_since_ns() >= last_active_ns_;

@@ -622,6 +622,31 @@ TEST(Tracker, GoesOnByDepthForAsLongAsEventsAreMissing) {
   }
 }
 
+TEST(Tracker, LeavesAnInertialSensorsPoseInAGapOfTheEventsOnlyForManyDepthImages) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  const auto track = [&tracker](int k, const Surface& surface) {
+    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(k * kPeriod_ns + i * kPeriod_ns / 5));
+    return tracker.Track(surface).value();
+  };
+  const Rigid3 off = Rigid3::Translation({0.03, 0, 0});
+  const auto see = [&tracker, &off](int k) {
+    tracker.AddDepthPose(ByDepth(k * kPeriod_ns, TrueAt(k * kPeriod_ns) * off));
+  };
+  PoseEstimate pose;
+  for (int k = 1; k <= 60; ++k) pose = track(k, Seen(k * kPeriod_ns, TrueAt(k * kPeriod_ns)));
+  for (int k = 61; k <= 64; ++k) pose = track(k, Still(k * kPeriod_ns, 0));
+  see(62);
+  see(63);
+  pose = track(65, Still(65 * kPeriod_ns, 0));
+  EXPECT_LT(ErrorOf(pose), 5e-3);
+  for (int k = 66; k <= 70; ++k) {
+    see(k - 2);
+    pose = track(k, Still(k * kPeriod_ns, 0));
+  }
+  EXPECT_LT(Log((TrueAt(pose.t_ns) * off).inverse() * pose.T_world_event).norm(), 5e-3);
+}
+
 TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionThatItShows) {
   const auto tracker = Moving();
   std::optional<PoseEstimate> pose;

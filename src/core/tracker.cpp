@@ -420,10 +420,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
     coasted_ = false;
-  } else if (lost && suspicious && !inertial_prior_) {
-    motion_.Coast(surface.t_edges_ns);
   } else if (inertial_fits && (bad || (lost && suspicious))) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
+  } else if (lost && suspicious) {
+    motion_.Coast(surface.t_edges_ns);
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());

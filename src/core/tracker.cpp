@@ -123,7 +123,7 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
   if (by_events) T_world_by_depth_ = T_world_now;
   const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
-  const bool inertial = coasting_ && inertial_prior_ && InertialFits() && state_ != TrackingState::kLost;
+  const bool inertial = coasting_ && FollowsInertial() && state_ != TrackingState::kLost;
   if (sure_of_events || depth_fusion_.contradictions() < (inertial ? kInertialContradictions : kContradictions)) return;
   const std::int64_t now_ns = motion_.time_ns();
   // What two images span of the motion before a standstill says nothing of now.
@@ -183,8 +183,8 @@ int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.sur
 
 Vector6d Tracker::SurfaceVelocity() const {
   if (history_.empty()) return Vector6d::Zero();
-  const bool measured = inertial_prior_ && InertialFits();
-  if (measured || !options_.tracking.ideas.mean_velocity) return motion_.Predict(motion_.time_ns()).velocity_event;
+  if (FollowsInertial() || !options_.tracking.ideas.mean_velocity)
+    return motion_.Predict(motion_.time_ns()).velocity_event;
   const auto T_world_then = history_.At(history_.last_time_ns() - NsFromSeconds(kVelocitySpan_s));
   return T_world_then ? Vector6d(Log(T_world_then->inverse() * history_.last()) / kVelocitySpan_s) : Vector6d::Zero();
 }
@@ -339,6 +339,8 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
 
 bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit().gyroscope); }
 
+bool Tracker::FollowsInertial() const { return inertial_prior_ && InertialFits(); }
+
 MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
@@ -415,7 +417,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);
   const bool suspicious = quality_.IsSuspicious(result.inlier_share);
   if (suspicious && quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
-  const bool inertial_fits = inertial_prior_ && InertialFits(), bad = quality_.IsBad(result.inlier_share);
+  const bool inertial_fits = FollowsInertial(), bad = quality_.IsBad(result.inlier_share);
   const bool search = WantsSearch(surface.t_ns, result.inlier_share, inertial_fits);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
@@ -459,8 +461,7 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
                                          state_ == TrackingState::kLost,
                                          std::max(0.5 * quality_.usual_share(), result->inlier_share + kBetterBy));
   // What an inertial sensor saw of the way is better than a view that matches less than usual.
-  if (!found || (inertial_prior_ && InertialFits() && quality_.IsSuspicious(found->alignment.inlier_share)))
-    return false;
+  if (!found || (FollowsInertial() && quality_.IsSuspicious(found->alignment.inlier_share))) return false;
   *result = found->alignment;
   map_ = found->map;
   return true;

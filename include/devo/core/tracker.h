@@ -91,6 +91,8 @@ class Tracker {
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   bool InertialFits() const;  // as far as is known
+  /// The last surface was predicted by an inertial sensor that fits.
+  bool FollowsInertial() const;
   /// With the inertial sensor's readings, where there are any.
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
   /// By what is known of its velocity, not by events.

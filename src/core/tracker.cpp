@@ -183,8 +183,7 @@ int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.sur
 
 Vector6d Tracker::SurfaceVelocity() const {
   if (history_.empty()) return Vector6d::Zero();
-  if (FollowsInertial() || !options_.tracking.ideas.mean_velocity)
-    return motion_.Predict(motion_.time_ns()).velocity_event;
+  if (FollowsInertial() || !options_.tracking.ideas.mean_velocity) return motion_.velocity_event();
   const auto T_world_then = history_.At(history_.last_time_ns() - NsFromSeconds(kVelocitySpan_s));
   return T_world_then ? Vector6d(Log(T_world_then->inverse() * history_.last()) / kVelocitySpan_s) : Vector6d::Zero();
 }

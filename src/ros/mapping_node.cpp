@@ -13,6 +13,7 @@
 #include "devo/ros/message_conversion.h"
 #include "devo/ros/parameters.h"
 #include "devo/ros/rendering.h"
+#include "devo/ros/scheduling.h"
 #include "devo/ros/topics.h"
 
 namespace devo {
@@ -217,7 +218,11 @@ bool MappingNode::Step() {
     for (const DepthPose& pose : mapper_->TakeDepthPoses()) {
       depth_pose_publisher_.publish(boost::make_shared<const DepthPose>(pose));
     }
-    if (map) Publish(map);
+    if (map) {
+      // Until then all poses wait for this thread.
+      if (!std::exchange(yields_, true)) LetOthersFirst();
+      Publish(map);
+    }
     PublishGlobalMap();
     const std::lock_guard<std::mutex> lock(mutex_);
     counters_ = mapper_->counters();

@@ -49,7 +49,7 @@ void Worker::Queue::addCallback(const ros::CallbackInterfacePtr& callback, std::
 }
 
 void Worker::Run() {
-  urgency_ == Urgency::kUrgent ? PreferShortWaits() : LetOthersFirst();
+  if (urgency_ == Urgency::kUrgent) PreferShortWaits();
   while (true) {
     {
       std::unique_lock<std::mutex> lock(mutex_);

@@ -99,6 +99,7 @@ class MappingNode {
   std::int64_t scene_depth_ns_ = 0, drawn_ns_ = 0;
   std::int64_t judged_ns_ = 0;  // depth image whose alignment was judged last
   cv::Mat2f depth_rays_;
+  bool yields_ = false;  // its thread goes after others
   bool global_map_wanted_ = false;
   std::uint64_t references_published_ = 0;  // in the global map
 

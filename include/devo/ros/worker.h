@@ -17,7 +17,7 @@ class Worker {
  public:
   enum class Urgency {
     kUrgent,  ///< a pose waits for it
-    kUsual    ///< others go first
+    kUsual    ///< as the process
   };
 
   /// `step` does one piece of work and returns whether there may be more. It is called on the worker's thread only.

@@ -74,7 +74,7 @@ class LaunchFilesTest(unittest.TestCase):
         path = PACKAGE + "/launch/mvsec.launch"
         params = self.load(path).params
         self.assertIn("camchain-imucam-indoor_flying.yaml", params["/devo/surface/set"].value)
-        play = [node for node in self.load(path).nodes if node.name == "play"][0]
+        play = [node for node in self.load(path).nodes if node.name == "replay"][0]
         self.assertIn("/tmp/indoor_flying1_data.bag /tmp/indoor_flying1_gt.bag", play.args)
 
     def test_rviz_opens_on_the_frame_and_topics_of_the_nodelets(self):

@@ -54,15 +54,18 @@ class ReplayTest(unittest.TestCase):
                    1e3 * self.offline_error["ate_rmse_m"]))
             self.assertLess(error["ate_rmse_m"], bound)
 
-    def test_there_is_a_pose_for_every_tick_that_the_offline_runner_tracks(self):
+    def test_there_is_a_pose_for_every_tick_from_the_first_map_on(self):
         with open(self.offline) as lines:
-            offline = sum(1 for _ in lines)
+            offline = [1e9 * float(line.split()[0]) for line in lines if not line.startswith("#")]
+        late = []
         for epoch in (0, 1):
-            poses = self.poses_of_epoch(epoch)
-            print("epoch %d: %d poses, offline %d" % (epoch, len(poses), offline))
-            self.assertGreater(len(poses), 0.95 * offline)
-            stamps = [pose.header.stamp.to_nsec() for pose in poses]
+            stamps = [pose.header.stamp.to_nsec() for pose in self.poses_of_epoch(epoch)]
+            late.append(1e-9 * (stamps[0] - offline[0]))
+            print("epoch %d: %d poses, the first %.2f s later than offline" % (epoch, len(stamps), late[-1]))
+            self.assertGreater(len(stamps), 0.98 * sum(stamp >= stamps[0] for stamp in offline))
             self.assertTrue(all(stamp % 10000000 == 0 for stamp in stamps), "surfaces lie on multiples of 10 ms")
+        # Of the two rounds: one may have been held up by what else the machine does.
+        self.assertLess(min(late), 0.1)
 
     def test_odometry_is_finite_with_a_positive_covariance_in_its_frames(self):
         for pose in self.poses_of_epoch(0):

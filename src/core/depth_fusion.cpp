@@ -45,7 +45,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d rest = estimate.covariance_since + delay_variance_ * per_delay * per_delay.transpose();
   const Matrix6d stated = estimate.covariance + alone + rest;
   const bool knows_all = depth.KnowsAllDirections();
-  if (knows_all) error_scale_.Note(depth.t_ns, residual, stated);
+  if (knows_all) error_scale_.Note(depth.t_ns, residual, estimate.variance_scale * stated);
   const double square = NormalisedSquare(residual, stated);
   const bool contradicts = square > kMaxNormalisedSquare;
   if (contradicts && (knows_all || !estimate.doubtful)) {

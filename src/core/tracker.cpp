@@ -45,6 +45,8 @@ constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not t
 constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
+// Of variances: without an inertial sensor the motion between depth images is known that much less than it seems.
+constexpr double kUnguided = 1.3;
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
@@ -109,7 +111,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
   const auto correction = depth_fusion_.Correct(
       depth, {*T_world_then, T_world_now, covariance, since_s * since_s * motion_.velocity_covariance(),
-              quality_.suspicious_in_a_row() > 0});
+              AlignmentScale(), quality_.suspicious_in_a_row() > 0});
   if (correction && !held_) {
     const Rigid3 T_world_moved = T_world_now * Exp(correction->moved);
     motion_.Update(motion_.time_ns(), T_world_moved, correction->information);
@@ -172,6 +174,7 @@ void Tracker::Reset() {
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
   quality_.Reset();
+  residual_scale_ = ResidualScale();
   missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = anew_ = false;
   chapter_covariance_.clear();
   started_ns_ = searched_ns_ = 0;
@@ -227,7 +230,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     }
     history_.Add(motion_.time_ns(), motion_.pose());
   }
-  NoteActivity(surface);
+  NoteActivity(surface, pose);
   if (state_ != TrackingState::kLost || surface.still) last_found_ns_ = surface.t_ns;
   pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
   pose.chapter = map_->chapter;
@@ -264,10 +267,13 @@ bool Tracker::StartFromRest() {
   return true;
 }
 
-void Tracker::NoteActivity(const Surface& surface) {
+void Tracker::NoteActivity(const Surface& surface, const PoseEstimate& pose) {
+  const double since_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   if (!surface.still) last_active_ns_ = surface.t_ns;
   const bool known = !surface.still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
-  activity_.Note(surface, known ? Flow(SurfaceVelocity()) : 0);
+  const double flow_px_s = known ? Flow(SurfaceVelocity()) : 0;
+  activity_.Note(surface, flow_px_s);
+  if (known) residual_scale_.Note(since_s, pose.mean_residual_px, flow_px_s);
 }
 
 double Tracker::Flow(const Vector6d& velocity_event) const {
@@ -288,8 +294,12 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->covariance_event = StatedCovariance(now);
 }
 
+double Tracker::AlignmentScale() const {
+  return (FollowsInertial() ? 1 : kUnguided) * residual_scale_.variance_scale();
+}
+
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
-  Matrix6d covariance = depth_fusion_.variance_scale() * now.covariance;
+  Matrix6d covariance = depth_fusion_.variance_scale() * AlignmentScale() * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * motion_.delay_s(), 2)

@@ -21,6 +21,7 @@ class DepthFusion {
     Rigid3 T_world_then, T_world_now;  ///< of the event camera, at the depth image's time and at the newest surface's
     Matrix6d covariance;               ///< of a right perturbation [rho; phi] (m, rad) of T_world_now
     Matrix6d covariance_since;         ///< of the motion from then to now
+    double variance_scale = 1;         ///< of what is stated of poses, as far as known without depth
     bool doubtful = false;             ///< less than usual of what was seen matches: it may be farther off than stated
   };
   struct Correction {

@@ -25,7 +25,10 @@ class ErrorScale {
 
  private:
   /// What is stated is cautious (it counts what a motion might have done).
-  static constexpr double kFirstScale = 0.5;
+  static constexpr double kFirstScale = 0.28;
+
+  /// Squared difference over its expectation where what is stated is right, of images that follow each other so.
+  static double Usual(double since_s);
 
   struct Difference {
     std::int64_t t_ns;

@@ -21,6 +21,7 @@
 #include "devo/core/pose_estimate.h"
 #include "devo/core/pose_history.h"
 #include "devo/core/relocalizer.h"
+#include "devo/core/residual_scale.h"
 #include "devo/core/rest_detector.h"
 #include "devo/core/surface.h"
 
@@ -71,11 +72,13 @@ class Tracker {
   void Contradict(const DepthPose& depth, const Rigid3& T_world_now);
   /// From where depth contradicts; false: that is no better.
   bool TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event, AlignmentResult* result);
-  void NoteActivity(const Surface& surface);
+  void NoteActivity(const Surface& surface, const PoseEstimate& pose);
   /// Of the map's edges across themselves, px/s, seen from the last pose by a camera of this velocity.
   double Flow(const Vector6d& velocity_event) const;
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
+  /// Of the filter's variances, by what alignments show; depth tells the rest.
+  double AlignmentScale() const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
   void Register(const Surface& surface, PoseEstimate* pose);
@@ -116,6 +119,7 @@ class Tracker {
   EventActivity activity_;
   Relocalizer relocalizer_;
   MatchQuality quality_;
+  ResidualScale residual_scale_;
   std::uint64_t epoch_ = 0;
   TrackingState state_ = TrackingState::kInitialising;
   std::int64_t last_active_ns_ = 0;

@@ -485,7 +485,9 @@ TEST(Tracker, GoesOnWithTheInertialSensorThroughAViewThatTheMapDoesNotHaveYet) {
   const auto poses = PosesPastAnUnknownView(60, 160, 180);  // a second: the time between depth images at 1 Hz
   for (const PoseEstimate& pose : poses) {
     EXPECT_NE(pose.state, TrackingState::kLost) << pose.t_ns;
-    if (pose.t_ns > 60 * kPeriod_ns) EXPECT_LT(ErrorOf(pose), 0.03) << pose.t_ns;  // of 0.34 m
+    if (pose.t_ns > 60 * kPeriod_ns) {
+      EXPECT_LT(ErrorOf(pose), 0.03) << pose.t_ns;  // of 0.34 m
+    }
   }
   EXPECT_LT(ErrorOf(poses.back()), 1e-3);
 }

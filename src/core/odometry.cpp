@@ -42,7 +42,6 @@ OdometryOptions Validated(const OdometryOptions& options) {
 
 struct Tracked {
   std::optional<PoseEstimate> pose;
-  Vector6d surface_velocity;  // [v; omega], m/s and rad/s, event frame
   float ms;
 };
 
@@ -123,7 +122,7 @@ void Odometry::Step() {
   m.tracked = m.tracking_thread.Run([&m, surface]() -> Tracked {
     const Stopwatch tracking;
     auto pose = m.tracker.Track(surface);
-    return {std::move(pose), m.tracker.SurfaceVelocity(), tracking.ms()};
+    return {std::move(pose), tracking.ms()};
   });
   m.mapped.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked]() -> Mapped {
     const std::optional<PoseEstimate>& pose = tracked.get().pose;
@@ -141,7 +140,7 @@ void Odometry::TakePose() {
   if (!m.tracked.valid()) return;
   const Tracked tracked = std::exchange(m.tracked, {}).get();
   m.timings.tracking_ms.push_back(tracked.ms);
-  m.last_velocity = tracked.surface_velocity;
+  m.last_velocity = tracked.pose ? tracked.pose->velocity_event : Vector6d(Vector6d::Zero());
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
 }
 

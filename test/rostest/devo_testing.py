@@ -49,6 +49,12 @@ def evaluate(groundtruth, trajectory):
     return json.loads(output)
 
 
+def stamps_of(trajectory):
+    """Of a TUM file, s."""
+    with open(trajectory) as lines:
+        return [float(line.split()[0]) for line in lines if not line.startswith("#")]
+
+
 def write_tum(path, odometries):
     with open(path, "w") as out:
         for odometry in odometries:

@@ -15,18 +15,13 @@ import rospy
 import rostest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from devo_testing import program  # noqa: E402
+from devo_testing import program, stamps_of  # noqa: E402
 
 PACKAGE = rospkg.RosPack().get_path("devo")
 # A replay whose first pose is this much later than offline was held up by what else the machine does: it is repeated.
 HELD_UP_S = 0.3
 ATTEMPTS = 3
 SHARED = os.path.join(PACKAGE, "..", "shared", "data")
-
-
-def stamps_of(trajectory):
-    with open(trajectory) as lines:
-        return [float(line.split()[0]) for line in lines if not line.startswith("#")]
 
 
 class RecordingsTest(unittest.TestCase):

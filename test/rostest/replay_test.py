@@ -16,7 +16,7 @@ from rosgraph_msgs.msg import Log
 from std_srvs.srv import SetBool, Trigger
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from devo_testing import Record, documented_options, evaluate, run_offline, write_tum  # noqa: E402
+from devo_testing import Record, documented_options, evaluate, run_offline, stamps_of, write_tum  # noqa: E402
 
 
 class ReplayTest(unittest.TestCase):
@@ -55,8 +55,7 @@ class ReplayTest(unittest.TestCase):
             self.assertLess(error["ate_rmse_m"], bound)
 
     def test_there_is_a_pose_for_every_tick_from_the_first_map_on(self):
-        with open(self.offline) as lines:
-            offline = [1e9 * float(line.split()[0]) for line in lines if not line.startswith("#")]
+        offline = [1e9 * stamp for stamp in stamps_of(self.offline)]
         late = []
         for epoch in (0, 1):
             stamps = [pose.header.stamp.to_nsec() for pose in self.poses_of_epoch(epoch)]

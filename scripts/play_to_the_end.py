@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """rosbag play that ends when the odometry has answered what was played, not before: replay.launch ends everything with it.
 

@@ -68,10 +68,10 @@ struct Odometry::Impl {
   std::int64_t period_ns;
   std::int64_t next_ns = 0;  // time of the next surface; 0 before the first event
   SceneDepth scene_depth;
-  Vector6d velocity = Vector6d::Zero();       // for the next surface: of the pose of the last but one
-  Vector6d last_velocity = Vector6d::Zero();  // of the last pose taken
-  std::vector<ImuSample> imu;                 // since the last surface
-  SurfacePtr surface;                         // the last one
+  std::optional<Vector6d> velocity;       // for the next surface: of the pose of the last but one
+  std::optional<Vector6d> last_velocity;  // of the last pose taken
+  std::vector<ImuSample> imu;             // since the last surface
+  SurfacePtr surface;                     // the last one
   std::shared_future<Tracked> tracked;
   std::deque<std::future<Mapped>> mapped;  // of the last surfaces, oldest first
   Mapper::Counters mapper_counters;
@@ -140,7 +140,8 @@ void Odometry::TakePose() {
   if (!m.tracked.valid()) return;
   const Tracked tracked = std::exchange(m.tracked, {}).get();
   m.timings.tracking_ms.push_back(tracked.ms);
-  m.last_velocity = tracked.pose ? tracked.pose->velocity_event : Vector6d(Vector6d::Zero());
+  m.last_velocity.reset();
+  if (tracked.pose) m.last_velocity = tracked.pose->velocity_event;
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
 }
 

@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "devo/core/apparent_turn.h"
 #include "devo/core/crests.h"
 #include "devo/core/nearest_edge_field.h"
 #include "devo/core/noise_filter.h"
@@ -22,6 +23,7 @@ namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
+constexpr std::size_t kSightings = 12000;   // a sample of the events tells how the image moves
 constexpr std::size_t kAhead = 64;          // events: about the time that memory takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
@@ -98,14 +100,16 @@ struct SurfaceBuilder::Impl {
             500, static_cast<std::size_t>(options_in.event_share * event_camera.width() * event_camera.height()))),
         raw(compensated ? 4 * events_per_surface : 1), kept(2 * events_per_surface),
         filter(event_camera.width(), event_camera.height(), options_in.noise_window_s, options_in.noise_neighbours,
-               options_in.hot_pixel_factor) {
+               options_in.hot_pixel_factor),
+        apparent_turn(undistorted) {
     if (!compensated) plain.emplace(camera, options.tau_s, options.delta);
   }
 
   std::uint64_t UsefulEvents() const;
   void FilterNewEvents();
   void MeasureRates(std::int64_t t_ns, Surface* surface);
-  void RenderCompensated(const Vector6d& velocity_event, const SceneDepth& depth, Surface* surface);
+  Vector6d ApparentVelocity(std::uint64_t first, std::int64_t t_ns);
+  void RenderCompensated(const std::optional<Vector6d>& velocity_event, const SceneDepth& depth, Surface* surface);
   std::uint64_t FirstKeptSince(std::int64_t oldest_ns) const;
   void Accumulate(std::uint64_t first, std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& depth);
 
@@ -123,6 +127,8 @@ struct SurfaceBuilder::Impl {
   Ring<RayEvent> kept;
   NoiseFilter filter;
   std::array<std::uint32_t, kFilterBatch> passed;
+  ApparentTurn apparent_turn;
+  std::vector<ApparentTurn::Sighting> sightings;
   std::int64_t last_event_ns = std::numeric_limits<std::int64_t>::min();
   std::uint64_t epoch = 0;
   Counters counters;
@@ -163,6 +169,7 @@ void SurfaceBuilder::Reset() {
   impl_->filtered_until = impl_->filtered_early = 0;
   impl_->pass_share = 0.5;
   impl_->progress.clear();
+  impl_->apparent_turn.Reset();
   impl_->last_event_ns = std::numeric_limits<std::int64_t>::min();
   if (impl_->plain) impl_->plain->Reset();
   ++impl_->epoch;
@@ -200,7 +207,8 @@ void SurfaceBuilder::Filter() {
   m.filtered_early += m.looked_at - before;
 }
 
-SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& scene_depth) {
+SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const std::optional<Vector6d>& velocity_event,
+                                  const SceneDepth& scene_depth) {
   Impl& m = *impl_;
   auto surface = m.pool.Take();
   surface->t_ns = surface->t_edges_ns = t_ns;
@@ -273,7 +281,21 @@ std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const
   return before;
 }
 
-void SurfaceBuilder::Impl::RenderCompensated(const Vector6d& velocity_event, const SceneDepth& depth,
+Vector6d SurfaceBuilder::Impl::ApparentVelocity(std::uint64_t first, std::int64_t t_ns) {
+  Vector6d velocity = Vector6d::Zero();
+  if (!options.ideas.find_turn) return velocity;
+  sightings.clear();
+  const std::uint64_t step = (kept.end() - first) / kSightings + 1;
+  for (std::uint64_t i = first; i < kept.end(); i += step) {
+    const RayEvent& event = kept[i];
+    const auto t_s = static_cast<float>(SecondsFromNs(event.t_ns() - t_ns));
+    sightings.push_back({t_s, event.ray_x, event.ray_y, event.polarity()});
+  }
+  velocity.tail<3>() = apparent_turn.Estimate(sightings);
+  return velocity;
+}
+
+void SurfaceBuilder::Impl::RenderCompensated(const std::optional<Vector6d>& velocity_event, const SceneDepth& depth,
                                              Surface* surface) {
   const std::int64_t oldest_ns = surface->t_ns - NsFromSeconds(options.max_window_s);
   const std::uint64_t first = FirstKeptSince(oldest_ns);
@@ -285,7 +307,8 @@ void SurfaceBuilder::Impl::RenderCompensated(const Vector6d& velocity_event, con
     for (std::size_t i = 0; i < count; ++i) age_sum_ns += surface->t_ns - events[i].t_ns();
   });
   if (surface->events_used && options.ideas.mean_time) surface->t_edges_ns -= age_sum_ns / surface->events_used;
-  const Vector6d velocity = options.ideas.move_events ? velocity_event : Vector6d(Vector6d::Zero());
+  Vector6d velocity = Vector6d::Zero();
+  if (options.ideas.move_events) velocity = velocity_event ? *velocity_event : ApparentVelocity(first, surface->t_ns);
   SceneDepth scene = depth;
   if (!options.ideas.depth_grid) scene.inverse_depth.release();
   Accumulate(first, surface->t_edges_ns, velocity, scene);

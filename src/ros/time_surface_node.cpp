@@ -297,7 +297,7 @@ bool TimeSurfaceNode::SkipWhenBehind() {
   return true;
 }
 
-Vector6d TimeSurfaceNode::AwaitVelocity() {
+std::optional<Vector6d> TimeSurfaceNode::AwaitVelocity() {
   const auto answered = [this](std::int64_t t_ns) { return last_pose_ && last_pose_->t_ns >= t_ns; };
   if (last_surface_ns_ != 0 && unanswered_ < kMaxUnanswered) {
     const bool in_time =
@@ -306,11 +306,12 @@ Vector6d TimeSurfaceNode::AwaitVelocity() {
   } else if (answered(last_surface_ns_ - 2 * period_ns_)) {
     unanswered_ = 0;
   }
-  return last_pose_ ? last_pose_->velocity_event : Vector6d::Zero();
+  if (!last_pose_ || last_pose_->state == TrackingState::kInitialising) return std::nullopt;
+  return last_pose_->velocity_event;
 }
 
 void TimeSurfaceNode::RenderTick() {
-  const Vector6d velocity = AwaitVelocity();
+  const std::optional<Vector6d> velocity = AwaitVelocity();
   boost::shared_ptr<const SceneDepth> depth;
   {
     const std::lock_guard<std::mutex> lock(mutex_);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -79,7 +80,7 @@ struct MovingEdge {
   }
 };
 
-SurfacePtr SurfaceOf(const std::vector<Event>& events, const Vector6d& velocity, double median_m,
+SurfacePtr SurfaceOf(const std::vector<Event>& events, const std::optional<Vector6d>& velocity, double median_m,
                      const SurfaceOptions& options = WithoutFilter()) {
   SurfaceBuilder builder(TestCamera(), options);
   builder.Insert(events);
@@ -150,6 +151,22 @@ TEST(CompensatedSurface, IsSharperWithTheRightVelocityThanWithoutOne) {
     return strength;
   };
   EXPECT_GT(strongest(velocity), 1.5F * strongest(Vector6d::Zero()));
+}
+
+TEST(CompensatedSurface, FindsATurnThatMakesItSharpWhereTheVelocityIsNotKnownUnlessThatIsSwitchedOff) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 1.5, 0));
+  const auto events = edge.Events();
+  const auto surface = SurfaceOf(events, std::nullopt, 0);
+  const auto errors = CrestErrors(*surface, edge);
+  EXPECT_GE(errors.size(), 80U);
+  EXPECT_LE(errors.size(), 120U);
+  for (const double error : errors) EXPECT_NEAR(error, 0, 0.5);
+
+  SurfaceOptions off = WithoutFilter();
+  off.ideas.find_turn = false;
+  EXPECT_EQ(cv::norm(SurfaceOf(events, std::nullopt, 0, off)->image,
+                     SurfaceOf(events, Vector6d::Zero().eval(), 0)->image, cv::NORM_INF),
+            0);
 }
 
 TEST(CompensatedSurface, TakesTheDepthOfEachPlaceFromTheGrid) {

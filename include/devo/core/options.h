@@ -11,6 +11,7 @@ namespace devo {
 /// Ideas of the method that comparisons switch off, one at a time (scripts/ablation.txt); all should stay on.
 struct SurfaceIdeas {
   bool move_events = true;
+  bool find_turn = true;
   bool mean_time = true;
   bool depth_grid = true;
   bool clear_crests = true;
@@ -91,6 +92,9 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.move_events", surface.move_events,
         "for comparisons, should stay on, as all of ablation: events are moved along the motion; false: accumulated "
         "where they are");
+  visit("ablation.find_turn", surface.find_turn,
+        "as long as there is no pose, events are moved by the turn that makes the image clearest; false: not moved "
+        "until then");
   visit("ablation.mean_time", surface.mean_time,
         "events are moved to the mean of their times; false: to the surface's time");
   visit("ablation.depth_grid", surface.depth_grid,

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <opencv2/core/mat.hpp>
@@ -37,8 +38,9 @@ class SurfaceBuilder {
   void Filter();
 
   /// The surface at `t_ns` from the events inserted so far (all should be before `t_ns`).
-  /// `velocity_event`: [v; omega], m/s and rad/s, of and in the event frame at `t_ns`.
-  SurfacePtr Render(std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& scene_depth);
+  /// `velocity_event`: [v; omega], m/s and rad/s, of and in the event frame at `t_ns`; empty: not known, a rotation is
+  /// sought in the events instead (ApparentTurn).
+  SurfacePtr Render(std::int64_t t_ns, const std::optional<Vector6d>& velocity_event, const SceneDepth& scene_depth);
 
   /// Forgets all events; surfaces made later carry the next epoch.
   void Reset();

@@ -8,6 +8,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -65,7 +66,7 @@ class TimeSurfaceNode {
   void ReturnMemory();
   void BeginEpoch();
   bool SkipWhenBehind();
-  Vector6d AwaitVelocity();
+  std::optional<Vector6d> AwaitVelocity();  ///< empty before the first pose
   void RenderTick();
   void PublishImage(const Surface& surface);
 

@@ -11,7 +11,8 @@ constexpr std::size_t kLeastEvents = 500;
 // Among all turns it is sought in a moment so short that the image moves by some squares only.
 constexpr double kGlance_s = 0.012, kLook_s = 0.025, kAll_s = 1;
 constexpr std::size_t kInGlance = 2000, kInLook = 6000;  // events, at most
-constexpr double kCoarse_px = 4, kFine_px = 2, kLeastStep_px = 0.5;
+constexpr double kCoarse_px = 4, kFine_px = 2;
+constexpr double kLeastStep = 0.125;  // squares that the image moves
 constexpr double kFastest_rad_s = 6;
 constexpr unsigned kAmongAllEvery = 8;  // times that it is asked: that takes longest
 // By so many standard deviations the image must be clearer than without a turn: less may be chance.
@@ -34,12 +35,17 @@ void ApparentTurn::Reset() {
 }
 
 const Eigen::Vector3d& ApparentTurn::Estimate(const std::vector<Sighting>& events) {
-  std::vector<Eigen::Vector3d> starts = {turn_, Eigen::Vector3d::Zero()};
+  std::vector<Eigen::Vector3d> starts;
+  const auto start_at = [&](const Eigen::Vector3d& turn) {
+    if (std::find(starts.begin(), starts.end(), turn) == starts.end()) starts.push_back(turn);
+  };
+  start_at(turn_);
+  start_at(Eigen::Vector3d::Zero());
   turn_.setZero();
   if (events.size() < kLeastEvents) return turn_;
   if (asked_++ % kAmongAllEvery == 0) {
     LookAt(events, kGlance_s, kCoarse_px, kInGlance, &glance_);
-    starts.push_back(AmongAll(glance_));
+    start_at(AmongAll(glance_));
   }
   LookAt(events, kLook_s, kCoarse_px, kInLook, &look_);
   LookAt(events, kAll_s, kFine_px, kInLook, &all_);
@@ -75,16 +81,14 @@ void ApparentTurn::LookAt(const std::vector<Sighting>& events, double span_s, do
     look->move_z.row(i) << -dt_s * sx * y, dt_s * sy * x;
     look->polarity[static_cast<std::size_t>(i)] = event.polarity;
   }
-  look->span_s = std::max(1e-3, static_cast<double>(events.back().t_s - begin->t_s));
-  look->squares_per_rad = sx;
+  look->squares_per_turn = sx * std::max(1e-3, static_cast<double>(events.back().t_s - begin->t_s));
   look->columns = static_cast<int>(width_ / square_px) + 1;
   look->rows = static_cast<int>(height_ / square_px) + 1;
-  look->none = 0;
-  look->none = Sharpness(*look, Eigen::Vector3d::Zero());
+  look->none = Pairs(*look, Eigen::Vector3d::Zero());
   look->sigma = std::sqrt(look->none + 1);
 }
 
-double ApparentTurn::Sharpness(const Look& look, const Eigen::Vector3d& turn) {
+double ApparentTurn::Pairs(const Look& look, const Eigen::Vector3d& turn) {
   const Eigen::Vector3f w = turn.cast<float>();
   moved_ = look.at + w.x() * look.move_x + w.y() * look.move_y + w.z() * look.move_z;
   counts_.assign(static_cast<std::size_t>(look.columns) * look.rows * 2, 0);
@@ -95,14 +99,17 @@ double ApparentTurn::Sharpness(const Look& look, const Eigen::Vector3d& turn) {
     if (u < 0 || v < 0 || column >= look.columns || row >= look.rows) continue;
     pairs += counts_[2 * (static_cast<std::size_t>(row) * look.columns + column) + look.polarity[i]]++;
   }
-  return static_cast<double>(pairs) - kClearerBySquare * look.none * turn.norm() * look.span_s * look.squares_per_rad;
+  return static_cast<double>(pairs);
+}
+
+double ApparentTurn::Sharpness(const Look& look, const Eigen::Vector3d& turn) {
+  return Pairs(look, turn) - kClearerBySquare * look.none * turn.norm() * look.squares_per_turn;
 }
 
 Eigen::Vector3d ApparentTurn::Climb(const Look& look, Eigen::Vector3d turn) {
   double best = Sharpness(look, turn);
-  const double square = 1 / (look.squares_per_rad * look.span_s);
-  const double least = kLeastStep_px / kCoarse_px * square;
-  for (double step = square; step > least;) {
+  for (double squares = 1; squares > kLeastStep;) {
+    const double step = squares / look.squares_per_turn;
     const Eigen::Vector3d from = turn;
     for (int axis = 0; axis < 3; ++axis) {
       for (const double way : {-step, step}) {
@@ -114,13 +121,13 @@ Eigen::Vector3d ApparentTurn::Climb(const Look& look, Eigen::Vector3d turn) {
         turn = there;
       }
     }
-    if (turn == from) step /= 2;
+    if (turn == from) squares /= 2;
   }
   return turn;
 }
 
 Eigen::Vector3d ApparentTurn::AmongAll(const Look& look) {
-  const double step = 1 / (look.squares_per_rad * look.span_s);
+  const double step = 1 / look.squares_per_turn;
   const int steps = static_cast<int>(kFastest_rad_s / step);
   Eigen::Vector3d best = Eigen::Vector3d::Zero();
   double most = look.none;

@@ -39,12 +39,14 @@ class ApparentTurn {
   struct Look {
     Eigen::ArrayX2f at, move_x, move_y, move_z;
     std::vector<int> polarity;
-    double span_s, squares_per_rad;
+    double squares_per_turn;  // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
-    double none, sigma;  // sharpness without a turn, and its standard deviation by chance
+    double none, sigma;  // pairs without a turn, and their standard deviation by chance
   };
   void LookAt(const std::vector<Sighting>& events, double span_s, double square_px, std::size_t most, Look* look);
-  /// Pairs of events of one polarity in one square, less what a turn as fast has to be worth.
+  /// Of events of one polarity in one square.
+  double Pairs(const Look& look, const Eigen::Vector3d& turn);
+  /// These, less what a turn as fast has to be worth.
   double Sharpness(const Look& look, const Eigen::Vector3d& turn);
   Eigen::Vector3d Climb(const Look& look, Eigen::Vector3d turn);
   Eigen::Vector3d AmongAll(const Look& look);

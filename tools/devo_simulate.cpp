@@ -102,6 +102,9 @@ void ApplyDialect(const CLI::App& app, Arguments* a) {
   if (app.count("--depth-rate") == 0 && mvsec) a->sequence.depth_rate_hz = 20;
   if (app.count("--lidar-rate") == 0 && mvsec) a->sequence.lidar_rate_hz = 20;
   a->sequence.lidar = true;
+  a->sequence.T_event_imu =
+      mvsec ? devo::sim::ImuInDavis()
+            : devo::sim::VectorRegularCamera().T_event_camera * devo::sim::ImuBesideVectorRegularCamera();
   if (!mvsec) {
     a->sequence.regular_camera = true;
     a->sequence.pose_rate_hz = 120;

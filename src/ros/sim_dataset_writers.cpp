@@ -181,10 +181,11 @@ class MvsecWriter : public SimBagWriter {
     if (sequence_.options().lidar) {
       out << "T_cam0_lidar:\n" << MatrixYaml(sequence_.lidar_model().T_event_lidar, true, "");
     }
-    out << "cam0:\n" << CameraInChain("left", Rigid3(), 0);
+    out << "cam0:\n" << CameraInChain("left", sequence_.options().T_event_imu, 0);
     if (T_right_left_) {
       out << "cam1:\n  T_cn_cnm1:\n" << MatrixYaml(*T_right_left_, true, "  ");
-      out << CameraInChain("right", *T_right_left_, camera_.fx() * T_right_left_->translation().x());
+      out << CameraInChain("right", *T_right_left_ * sequence_.options().T_event_imu,
+                           camera_.fx() * T_right_left_->translation().x());
     }
     return out.str();
   }
@@ -352,6 +353,12 @@ class VectorWriter : public SimBagWriter {
       Add(directory + "camera_lidar_extrinsic_results.yaml",
           "camera_number: 2\ncam1:\n  camera_name: left_regular_camera\n  T_cam_lidar: " +
               MatrixYaml(T_cam0_event * sequence_.lidar_model().T_event_lidar, false, indent));
+    }
+    if (sequence_.options().imu) {
+      Add(directory + "small_scale_camera_imu_extrinsic_results1.yaml",
+          "camera_number: 1\ncam0:\n  T_cam_imu:\n" +
+              MatrixYaml(T_cam0_event * sequence_.options().T_event_imu, true, "  ") +
+              "  rostopic: /camera/left/image_mono\n");
     }
     Add(directory + "camera_mocap_extrinsic_results1.yaml",
         "camera_number: 1\ncam0:\n  camera_name: left_regular_camera\n  T_body_cam: " +

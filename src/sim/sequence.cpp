@@ -104,6 +104,12 @@ LidarModel BuildLidar(const SequenceOptions& o) {
   return model;
 }
 
+ImuModel BuildImu(const SequenceOptions& o) {
+  ImuModel model;
+  model.T_event_imu = o.T_event_imu;
+  return model;
+}
+
 double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
@@ -116,7 +122,7 @@ struct Sequence::Impl {
         trajectory(BuildTrajectory(options, scene)), sensor(BuildSensor(options)), pool(options.threads),
         rays(sensor.camera), pixels(sensor, rays.stride(), NoiseSeed(options)), readout(sensor.pixel),
         depth_sensor(scene, BuildDepth(options, sensor), NoiseSeed(options)),
-        lidar(scene, BuildLidar(options), NoiseSeed(options)), imu({}, NoiseSeed(options)),
+        lidar(scene, BuildLidar(options), NoiseSeed(options)), imu(BuildImu(options), NoiseSeed(options)),
         frame_sensor(MakeLight(options.light), rays.stride(), sensor.camera, NoiseSeed(options)),
         regular_camera(scene, VectorRegularCamera(), MakeLight(options.light), NoiseSeed(options)),
         event_frames(options.frames && !options.regular_camera) {

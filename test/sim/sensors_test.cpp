@@ -130,6 +130,32 @@ TEST(Lidar, PutsPointsOnTheWallsWhenTheMotionDuringTheTurnIsUndone) {
   EXPECT_GT(without, 0.02);
 }
 
+TEST(ImuSensor, MeasuresWhatABodyFeelsWhereItSits) {
+  ImuModel model;
+  model.T_event_imu = Rigid3(ExpSO3({0.7, -1.2, 0.4}), {0.08, -0.02, -0.14});
+  model.gyroscope_bias = model.accelerometer_bias = model.gyroscope_walk = model.accelerometer_walk = 0;
+  model.gyroscope_noise = model.accelerometer_noise = 0;
+  ImuSensor imu(model, 5);
+  const Trajectory motion = RandomTrajectory(MakeScene("table").motion, LimitsOf("fast"), 4, 3);
+  const auto pose_at = [&](double t_s) { return motion.PoseAt(t_s) * model.T_event_imu; };
+  double least_part = 1;
+  for (double t_s = 0.5; t_s < 3.5; t_s += 0.1) {
+    constexpr double kStep_s = 1e-3;
+    const Rigid3 T_world_imu = pose_at(t_s), before = pose_at(t_s - kStep_s), after = pose_at(t_s + kStep_s);
+    const Eigen::Vector3d acceleration =
+        (after.translation() - 2 * T_world_imu.translation() + before.translation()) / (kStep_s * kStep_s);
+    const Eigen::Vector3d force = T_world_imu.rotation().conjugate() * (acceleration + Eigen::Vector3d(0, 0, 9.81));
+    const Eigen::Vector3d turn = Log(before.inverse() * after).tail<3>() / (2 * kStep_s);
+    const ImuSample sample = imu.Measure(motion, t_s);
+    EXPECT_LT((sample.angular_velocity - turn).norm(), 1e-3 * turn.norm() + 1e-4) << t_s;
+    EXPECT_LT((sample.linear_acceleration - force).norm(), 0.03) << t_s;
+    const Eigen::Vector3d at_camera =
+        motion.PoseAt(t_s).rotation().conjugate() * (motion.AccelerationAt(t_s) + Eigen::Vector3d(0, 0, 9.81));
+    least_part = std::min(least_part, (sample.linear_acceleration.norm() - at_camera.norm()) / force.norm());
+  }
+  EXPECT_LT(least_part, -0.01) << "the lever matters in this motion, or nothing is tested";
+}
+
 TEST(ImuSensor, FeelsGravityAndHasTheNoiseOfItsDensities) {
   ImuModel model;
   model.gyroscope_bias = model.accelerometer_bias = model.gyroscope_walk = model.accelerometer_walk = 0;

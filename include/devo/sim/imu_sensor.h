@@ -4,14 +4,16 @@
 #include <cstdint>
 
 #include "devo/core/odometry.h"
+#include "devo/core/rigid3.h"
 #include "devo/sim/random.h"
 #include "devo/sim/trajectory.h"
 
 namespace devo::sim {
 
-/// Noise of an inertial sensor, in the event camera's frame. Defaults: Bosch BMI160 (data sheet BST-BMI160-DS000:
+/// Place and noise of an inertial sensor. Defaults: Bosch BMI160 (data sheet BST-BMI160-DS000:
 /// 0.007 deg/s/sqrt(Hz), 180 ug/sqrt(Hz)); bias walks as Kalibr users measure for it.
 struct ImuModel {
+  Rigid3 T_event_imu;  ///< samples are in the frame `imu`
   double rate_hz = 200;
   double gyroscope_noise = 1.22e-4;      ///< rad/s/sqrt(Hz)
   double accelerometer_noise = 1.77e-3;  ///< m/s^2/sqrt(Hz)
@@ -21,6 +23,14 @@ struct ImuModel {
   double accelerometer_bias = 0.1;       ///< m/s^2
   double gravity = 9.81;                 ///< along world -z
 };
+
+/// Where a DAVIS346 has its IMU: on the board behind the lens, its axes nearly the camera's (MVSEC's drivers turn them
+/// so).
+Rigid3 ImuInDavis();
+
+/// Where VECtor's XSens sits beside its left regular camera (the published small-scale camera-IMU extrinsics): x
+/// forward, y left, z up. T_camera_imu.
+Rigid3 ImuBesideVectorRegularCamera();
 
 class ImuSensor {
  public:

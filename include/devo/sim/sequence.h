@@ -57,6 +57,7 @@ struct SequenceOptions {
   bool regular_camera = false;  ///< frames are those of VectorRegularCamera beside the event camera instead
   double frame_rate_hz = 30;
   bool imu = true;
+  Rigid3 T_event_imu;         ///< in whose frame the samples are; the plain dialect and the live sensor have none
   double pose_rate_hz = 200;  ///< of ground truth
 
   double max_flow_px = 0.6;        ///< flow between two renderings, anywhere in the image

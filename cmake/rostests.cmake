@@ -19,15 +19,16 @@ set(devo_mvsec ${devo_test_data}/mvsec/indoor_flying1)
 add_custom_command(
   OUTPUT ${devo_mvsec}_data.bag ${devo_mvsec}_gt.bag
   COMMAND devo_simulate --out ${devo_mvsec} --dialect mvsec --scene table --sensor davis346 --speed slow --duration 2
-          --depth registered --depth-rate 20 --no-frames --no-imu --quiet
+          --depth registered --depth-rate 20 --no-frames --quiet
   DEPENDS devo_simulate
   COMMENT "Simulating a recording in MVSEC's dialect"
   VERBATIM)
 set(devo_vector ${devo_test_data}/vector/desk-normal1)
 add_custom_command(
   OUTPUT ${devo_vector}.synced.left_event.bag ${devo_vector}.synced.kinect_depth.bag ${devo_vector}.synced.gt.bag
+         ${devo_vector}.synced.imu.bag
   COMMAND devo_simulate --out ${devo_vector} --dialect vector --scene table --sensor davis346 --speed slow --duration 2
-          --depth kinect --depth-rate 20 --no-frames --no-imu --quiet
+          --depth kinect --depth-rate 20 --no-frames --quiet
   DEPENDS devo_simulate
   COMMENT "Simulating a recording in VECtor's dialect"
   VERBATIM)

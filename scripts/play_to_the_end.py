@@ -5,6 +5,7 @@
 rosrun devo play_to_the_end.py --odometry /devo/status -- <arguments of rosbag play>"""
 
 import argparse
+import os
 import subprocess
 import sys
 import time
@@ -33,10 +34,16 @@ def wait_until_quiet(topic):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--odometry", required=True, help="topic with a message for each time surface")
+    parser.add_argument("--if-there", default="", metavar="BAGS", help="played, too, where they are there")
     parser.add_argument("play", nargs="+", help="arguments of rosbag play, after --")
     options = parser.parse_args(rospy.myargv()[1:])
     rospy.init_node("play_to_the_end")
-    result = subprocess.call(["rosrun", "rosbag", "play"] + options.play + ["__name:=play"])
+    bags = options.if_there.split()
+    for bag in bags:
+        if not os.path.exists(bag):
+            rospy.logwarn("%s is not there: the run goes on without what it would hold", bag)
+    there = [bag for bag in bags if os.path.exists(bag)]
+    result = subprocess.call(["rosrun", "rosbag", "play"] + options.play + there + ["__name:=play"])
     if result == 0:
         wait_until_quiet(options.odometry)
     return result

@@ -18,6 +18,21 @@ Rigid3 TransformIn(const std::string& path, const std::string& camera, const std
   return YamlTransform(root[camera][name], place);
 }
 
+/// Of the numbered files of a calibration that was repeated the first is the published one.
+std::string FirstThere(const std::string& stem) {
+  for (const char* end : {".yaml", "1.yaml"}) {
+    if (Exists(stem + end)) return stem + end;
+  }
+  return "";
+}
+
+std::optional<Rigid3> ImuInVectorsCamera(const std::string& folder, const std::string& scale,
+                                         const Rigid3& T_cam0_event) {
+  const std::string file = FirstThere(folder + scale + "_camera_imu_extrinsic_results");
+  if (file.empty()) return std::nullopt;
+  return T_cam0_event.inverse() * TransformIn(file, "cam0", "T_cam_imu");
+}
+
 KalibrCamera ReadKalibrCamera(const YAML::Node& node, const YamlPlace& place) {
   const auto intrinsics = YamlNumbers(node["intrinsics"], place.Under("intrinsics"));
   const auto resolution = YamlNumbers(node["resolution"], place.Under("resolution"));
@@ -51,20 +66,19 @@ DatasetCalibration ReadVectorCalibration(const std::string& directory) {
   const Rigid3 T_color_depth =
       TransformIn(base + "rgbd_camera_calibrated_extrinsic_results.yaml", "cam1", "T_cam0_cam1");
   result.T_event_depth = T_cam0_event.inverse() * T_cam0_color * T_color_depth;
+  result.T_event_imu = ImuInVectorsCamera(base, "small_scale", T_cam0_event);
+  // The LiDAR was recorded in the large-scale sequences, for which the cameras were mounted anew.
+  const std::string large = base + "large_scale_joint_camera_extrinsic_results.yaml";
+  const Rigid3 T_cam0_event_then = Exists(large) ? TransformIn(large, "cam2", "T_cam0_cam2") : T_cam0_event;
+  result.T_event_imu_of_lidar_rig = ImuInVectorsCamera(base, "large_scale", T_cam0_event_then);
+  if (!result.T_event_imu_of_lidar_rig) result.T_event_imu_of_lidar_rig = result.T_event_imu;
   const std::string lidar = base + "camera_lidar_extrinsic_results.yaml";
   if (Exists(lidar)) {
-    // The LiDAR was recorded in the large-scale sequences, for which the cameras were mounted anew.
-    const std::string large = base + "large_scale_joint_camera_extrinsic_results.yaml";
-    const Rigid3 T_cam0_event_then = Exists(large) ? TransformIn(large, "cam2", "T_cam0_cam2") : T_cam0_event;
     // Its cam1 is the left regular camera, which the joint calibration calls cam0.
     result.T_event_lidar = T_cam0_event_then.inverse() * TransformIn(lidar, "cam1", "T_cam_lidar");
   }
-  // The rig was mounted anew between sequences, so the published file has a number.
-  for (const char* name : {"camera_mocap_extrinsic_results.yaml", "camera_mocap_extrinsic_results1.yaml"}) {
-    if (!result.T_body_event && Exists(base + name)) {
-      result.T_body_event = TransformIn(base + name, "cam0", "T_body_cam") * T_cam0_event;
-    }
-  }
+  const std::string mocap = FirstThere(base + "camera_mocap_extrinsic_results");
+  if (!mocap.empty()) result.T_body_event = TransformIn(mocap, "cam0", "T_body_cam") * T_cam0_event;
   return result;
 }
 
@@ -98,6 +112,7 @@ DatasetCalibration ReadMvsecCalibration(const std::string& path) {
   DatasetCalibration result;
   result.event_camera = chain.cameras.front().camera;
   result.T_event_lidar = chain.T_cam0_lidar;
+  result.T_event_imu = result.T_event_imu_of_lidar_rig = chain.cameras.front().T_cam_imu;
   return result;
 }
 

@@ -23,6 +23,9 @@ const std::map<std::string, std::string>& ValueGroups() {
        "pose of the depth camera, or of the LiDAR, in the event camera's frame; else tf_static; else an error; not "
        "needed when "
        "registered"},
+      {"T_event_imu",
+       "pose of the IMU in the event camera's frame; else tf_static between the frames that their messages name; else "
+       "its samples are left out"},
       {"T_body_event",
        "event camera's pose in the frame of the body whose pose ground truth is, where that is another"}};
   return groups;
@@ -134,8 +137,10 @@ void ApplyNode(const YAML::Node& root, const std::string& name, const std::strin
     const YAML::Node node = TakeGroup(key, &settings);
     if (node.IsDefined()) *camera = YamlCamera(node, {name, key}, directory);
   }
-  for (auto* transform : {&config->T_event_depth, &config->T_body_event}) {
-    const std::string key = transform == &config->T_event_depth ? "T_event_depth" : "T_body_event";
+  const std::pair<const char*, std::optional<Rigid3>*> transforms[] = {{"T_event_depth", &config->T_event_depth},
+                                                                       {"T_event_imu", &config->T_event_imu},
+                                                                       {"T_body_event", &config->T_body_event}};
+  for (const auto& [key, transform] : transforms) {
     const YAML::Node node = TakeGroup(key, &settings);
     if (node.IsDefined()) *transform = YamlTransform(node, {name, key});
   }
@@ -184,6 +189,9 @@ void FillFromCalibrationFiles(RigConfig* config) {
   if (!config->depth_camera) config->depth_camera = read.depth_camera;
   if (!config->T_event_depth) {
     config->T_event_depth = config->depth_from_lidar() ? read.T_event_lidar : read.T_event_depth;
+  }
+  if (!config->T_event_imu) {
+    config->T_event_imu = config->depth_from_lidar() ? read.T_event_imu_of_lidar_rig : read.T_event_imu;
   }
   if (!config->T_body_event) config->T_body_event = read.T_body_event;
 }

@@ -227,6 +227,7 @@ const tf2::BufferCore& BagReader::Transforms() {
 }
 
 ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
+  if (config_.T_event_imu) return ToImuSample(message, *config_.T_event_imu);
   if (!event_frame_)
     event_frame_ = FrameFor(config_.frames.event, config_.topics.event_camera_info, config_.topics.events);
   return ToImuSample(message, PoseOfImu(message.header.frame_id, *event_frame_, Transforms()));

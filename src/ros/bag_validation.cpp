@@ -475,10 +475,10 @@ class Validator {
       Warn("ground truth has gaps over 0.1 s: poses there are not evaluated");
   }
 
-  /// Where a camera's intrinsics come from, as BagReader takes them.
-  std::string SourceOf(const std::optional<Camera>& configured, const std::string& info_topic) const {
-    if (configured) return config_->calibration.path.empty() ? "configuration" : config_->calibration.path;
-    return "CameraInfo on " + info_topic;
+  /// Where a piece of the calibration comes from, as BagReader takes it.
+  std::string SourceOf(bool configured, const std::string& otherwise) const {
+    if (!configured) return otherwise;
+    return config_->calibration.path.empty() ? "configuration" : config_->calibration.path;
   }
 
   void CheckCalibration() {
@@ -488,21 +488,27 @@ class Validator {
       const Rig rig = reader.ReadRig();
       reader.Next();  // takes the first messages of each topic as the odometry would, an IMU's in the event frame
       const Camera& camera = rig.event_camera;
-      Say(Format("event camera %dx%d, f %.1f %.1f, c %.1f %.1f, %zu distortion coefficients (%s)\n", camera.width(),
-                 camera.height(), camera.fx(), camera.fy(), camera.cx(), camera.cy(), camera.coefficients().size(),
-                 SourceOf(config_->event_camera, config_->topics.event_camera_info).c_str()));
+      Say(Format(
+          "event camera %dx%d, f %.1f %.1f, c %.1f %.1f, %zu distortion coefficients (%s)\n", camera.width(),
+          camera.height(), camera.fx(), camera.fy(), camera.cx(), camera.cy(), camera.coefficients().size(),
+          SourceOf(config_->event_camera.has_value(), "CameraInfo on " + config_->topics.event_camera_info).c_str()));
       if (event_columns_ > camera.width() || event_rows_ > camera.height()) {
         Problem(Format("events reach x %d, y %d, outside the event camera's %dx%d: its calibration is another camera's",
                        event_columns_ - 1, event_rows_ - 1, camera.width(), camera.height()));
       }
+      if (config_->T_event_imu && !config_->topics.imu.empty()) {
+        DescribePose("IMU", *config_->T_event_imu, SourceOf(true, ""));
+      }
       if (rig.depth_from_lidar) {
-        DescribePose("LiDAR", rig.T_event_depth, "");
+        DescribePose("LiDAR", rig.T_event_depth, SourceOf(config_->T_event_depth.has_value(), "/tf_static"));
         return;
       }
       const Camera& depth = rig.depth_camera;
       if (!rig.depth_registered) {
         DescribePose(Format("depth camera %dx%d, f %.1f %.1f;", depth.width(), depth.height(), depth.fx(), depth.fy()),
-                     rig.T_event_depth, SourceOf(config_->depth_camera, config_->topics.depth_camera_info) + "; ");
+                     rig.T_event_depth,
+                     SourceOf(config_->depth_camera.has_value(), "CameraInfo on " + config_->topics.depth_camera_info) +
+                         "; " + SourceOf(config_->T_event_depth.has_value(), "/tf_static"));
       }
       if (depth_columns_ != depth.width() || depth_rows_ != depth.height()) {
         Problem(Format("depth images are %dx%d, their camera's calibration %dx%d", depth_columns_, depth_rows_,
@@ -515,9 +521,8 @@ class Validator {
 
   void DescribePose(const std::string& sensor, const Rigid3& T_event_sensor, const std::string& source) {
     const Eigen::Vector3d& p = T_event_sensor.translation();
-    Say(sensor + Format(" at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by %.1f deg (%s%s)\n", p.x(),
-                        p.y(), p.z(), RotationAngle(T_event_sensor) * 57.29578, source.c_str(),
-                        config_->T_event_depth ? "configuration" : "/tf_static"));
+    Say(sensor + Format(" at (%.3f, %.3f, %.3f) m in the event camera's frame, turned by %.1f deg (%s)\n", p.x(), p.y(),
+                        p.z(), RotationAngle(T_event_sensor) * 57.29578, source.c_str()));
     if (p.norm() > 1) Warn("the sensors are more than 1 m apart: are the extrinsics in metres?");
   }
 

@@ -17,12 +17,15 @@ constexpr std::int64_t kBackwards_ns = 100'000'000;  // as for surfaces: a bag i
 
 }  // namespace
 
-ImuInput::ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::function<std::string()> event_frame,
-                   std::function<void(std::int64_t)> on_arrival)
-    : topic_(topic), event_frame_(std::move(event_frame)), on_arrival_(std::move(on_arrival)) {
+ImuInput::ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::optional<Rigid3> T_event_imu,
+                   std::function<std::string()> event_frame, std::function<void(std::int64_t)> on_arrival)
+    : topic_(topic), T_event_imu_(std::move(T_event_imu)), event_frame_(std::move(event_frame)),
+      on_arrival_(std::move(on_arrival)) {
   ros::NodeHandle handle(nh);
-  transform_subscriber_ = handle.subscribe<tf2_msgs::TFMessage>(
-      "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
+  if (!T_event_imu_) {
+    transform_subscriber_ = handle.subscribe<tf2_msgs::TFMessage>(
+        "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
+  }
   imu_subscriber_ = handle.subscribe<sensor_msgs::Imu>(
       topic_, 1000, [this](const sensor_msgs::ImuConstPtr& message) { OnImu(*message); });
 }
@@ -37,10 +40,10 @@ void ImuInput::OnTransforms(const tf2_msgs::TFMessage& message) {
 
 void ImuInput::OnImu(const sensor_msgs::Imu& message) {
   on_arrival_(FromRosTime(message.header.stamp));
-  const std::string event_frame = event_frame_();
   ImuSample sample;
   try {
-    sample = ToImuSample(message, PoseOfImu(message.header.frame_id, event_frame, transforms_));
+    sample = ToImuSample(
+        message, T_event_imu_ ? *T_event_imu_ : PoseOfImu(message.header.frame_id, event_frame_(), transforms_));
   } catch (const std::exception& error) {
     ROS_WARN_STREAM_THROTTLE(5, "IMU samples on " << topic_ << " are left out: " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);

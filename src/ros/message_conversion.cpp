@@ -205,7 +205,7 @@ Rigid3 PoseOfImu(const std::string& imu_frame, const std::string& event_frame, c
     return FromTransformMsg(transforms.lookupTransform(event, imu, ros::Time(0)).transform);
   } catch (const std::exception& e) {
     throw std::runtime_error("no transformation from the IMU's frame '" + imu + "' to the event frame '" + event +
-                             "'; expected it on /tf_static (" + e.what() + ")");
+                             "'; expected it on /tf_static or as key 'T_event_imu' (" + e.what() + ")");
   }
 }
 

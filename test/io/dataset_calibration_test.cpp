@@ -90,6 +90,44 @@ cam1:
   ASSERT_EQ(std::system(("rm -rf " + own).c_str()), 0);
 }
 
+TEST(VectorCalibration, PlacesTheImuThroughTheLeftRegularCameraOfEitherScale) {
+  const std::string folder = VectorFolder();
+  if (folder.empty()) return;
+  const std::string own = ::testing::TempDir() + "vector_imu_test";
+  ASSERT_EQ(std::system(("rm -rf " + own + " && mkdir " + own + " && cp " + folder + "/*.yaml " + own + " && rm -f " +
+                         own + "/*imu*")
+                            .c_str()),
+            0);
+  EXPECT_FALSE(ReadVectorCalibration(own).T_event_imu);
+  // The numbers that the data set publishes; Kalibr's other keys are left out.
+  std::ofstream(own + "/small_scale_camera_imu_extrinsic_results1.yaml") << R"(camera_number: 2
+cam0: # left_regular_camera
+  T_cam_imu: # transformation from IMU to left regular camera
+  - [0.017248643674008135, -0.9998037138739959, 0.009747718459772736, 0.07733078169916466]
+  - [0.012834636469124028, -0.009526963092989282, -0.999872246379971, -0.016637889364465353]
+  - [0.9997688514842376, 0.017371548520172697, 0.01266779001636642, -0.14481844113148515]
+  - [0.0, 0.0, 0.0, 1.0]
+  timeshift_cam_imu: 0.008375665182111344
+)";
+  const DatasetCalibration small = ReadVectorCalibration(own);
+  ASSERT_TRUE(small.T_event_imu && small.T_event_imu_of_lidar_rig);
+  // Worked out by hand: the event camera is 4 cm above the regular camera, the IMU 13 cm behind the event camera.
+  EXPECT_LT((small.T_event_imu->translation() - Eigen::Vector3d(0.0774, 0.0237, -0.1305)).norm(), 1e-3);
+  EXPECT_GT((small.T_event_imu->rotation() * Eigen::Vector3d::UnitX()).z(), 0.99) << "forward is forward";
+  EXPECT_LT((small.T_event_imu->rotation() * Eigen::Vector3d::UnitZ()).y(), -0.99) << "up is up";
+  EXPECT_LT(Log(small.T_event_imu_of_lidar_rig->inverse() * *small.T_event_imu).norm(), 1e-12);
+  std::ofstream(own + "/large_scale_camera_imu_extrinsic_results1.yaml")
+      << "cam0:\n  T_cam_imu: [0, -1, 0, 0.07, 0, 0, -1, -0.015, 1, 0, 0, -0.14, 0, 0, 0, 1]\n";
+  const std::string config = std::string(DEVO_SOURCE_DIR) + "/config/vector.yaml";
+  const RigConfig kinect = LoadRigConfig({config}, {"calibration.path=" + own});
+  const RigConfig lidar = LoadRigConfig({config}, {"calibration.path=" + own, "topics.points=/ouster/point_cloud"});
+  ASSERT_TRUE(kinect.T_event_imu && lidar.T_event_imu);
+  EXPECT_LT(Log(kinect.T_event_imu->inverse() * *small.T_event_imu).norm(), 1e-12);
+  const double apart = Log(kinect.T_event_imu->inverse() * *lidar.T_event_imu).norm();
+  EXPECT_TRUE(apart > 0.01 && apart < 0.1) << apart << ": the rig was mounted anew";
+  ASSERT_EQ(std::system(("rm -rf " + own).c_str()), 0);
+}
+
 TEST(VectorCalibration, NamesTheFileThatIsMissing) {
   EXPECT_THAT(
       [] { ReadVectorCalibration("no_such_folder"); },
@@ -160,6 +198,9 @@ TEST_F(Camchain, GivesMvsecsRig) {
   ASSERT_TRUE(rig.event_camera);
   EXPECT_EQ(rig.event_camera->width(), 346);
   EXPECT_TRUE(rig.registered);
+  EXPECT_EQ(rig.topics.imu, "/davis/left/imu");
+  ASSERT_TRUE(rig.T_event_imu);
+  EXPECT_LT((rig.T_event_imu->translation() - Eigen::Vector3d(0.1, 0.2, 0.3)).norm(), 1e-12);
 }
 
 TEST_F(Camchain, NamesTheKeyThatIsWrong) {

@@ -146,6 +146,17 @@ TEST(RigConfig, ReadsTransformationsInAllLayouts) {
   }
 }
 
+TEST(RigConfig, TellsTheTransformationsApartByTheirKeys) {
+  const char* const kText = R"(T_event_depth: {translation: [1, 0, 0], quaternion: [0, 0, 0, 1]}
+T_event_imu: {translation: [0, 2, 0], quaternion: [0, 0, 0, 1]}
+T_body_event: {translation: [0, 0, 3], quaternion: [0, 0, 0, 1]})";
+  const RigConfig config = FromYaml(kText);
+  ASSERT_TRUE(config.T_event_depth && config.T_event_imu && config.T_body_event);
+  EXPECT_EQ(config.T_event_depth->translation(), Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(config.T_event_imu->translation(), Eigen::Vector3d(0, 2, 0));
+  EXPECT_EQ(config.T_body_event->translation(), Eigen::Vector3d(0, 0, 3));
+}
+
 TEST(RigConfig, RefusesTransformationsThatAreNone) {
   EXPECT_THAT([] { FromYaml("T_event_depth: [1, 2, 3]"); }, FailsWith("key 'T_event_depth': expected a 4x4 matrix"));
   EXPECT_THAT([] { FromYaml("T_event_depth: [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]"); },

@@ -102,6 +102,7 @@ TEST(SimBagWriter, WritesThePlainDialectWithAConfigurationThatTheOdometryReads) 
 TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
   sim::SequenceOptions options = Short("davis346_mvsec");
   options.depth = sim::SequenceOptions::Depth::kRegistered;
+  options.T_event_imu = sim::ImuInDavis();
   sim::Sequence sequence(options);
   std::size_t events = 0;
   const std::string stem = Write(BagDialect::kMvsec, "flying1", &sequence, &events);
@@ -118,8 +119,9 @@ TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
   const auto read = ReadMvsecCalibration(Folder() + "/flying_calib/camchain-imucam-flying.yaml");
   EXPECT_EQ(read.event_camera.distortion(), DistortionModel::kEquidistant);
   EXPECT_NEAR(read.event_camera.fx(), sequence.rig().event_camera.fx(), 1e-9);
-  ASSERT_TRUE(read.T_event_lidar);
+  ASSERT_TRUE(read.T_event_lidar && read.T_event_imu);
   EXPECT_LT(Log(read.T_event_lidar->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
+  EXPECT_LT(Log(read.T_event_imu->inverse() * options.T_event_imu).norm(), 1e-9);
   // No times, as in MVSEC: the stamp is the end of the turn.
   rosbag::Bag data_bag(stem + "_data.bag");
   rosbag::View clouds(data_bag, rosbag::TopicQuery("/velodyne_point_cloud"));
@@ -168,6 +170,7 @@ TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
   sim::SequenceOptions options = Short("gen3_vector");
   options.regular_camera = true;
   options.pose_rate_hz = 120;
+  options.T_event_imu = sim::VectorRegularCamera().T_event_camera * sim::ImuBesideVectorRegularCamera();
   sim::Sequence sequence(options);
   std::size_t events = 0;
   const std::string stem = Write(BagDialect::kVector, "desk", &sequence, &events);
@@ -180,8 +183,10 @@ TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
   const auto read = ReadVectorCalibration(stem + "_calib");
   ASSERT_TRUE(read.T_event_depth && read.depth_camera && read.T_body_event);
   EXPECT_LT(Log(read.T_event_depth->inverse() * sequence.rig().T_event_depth).norm(), 1e-9);
-  ASSERT_TRUE(read.T_event_lidar);
+  ASSERT_TRUE(read.T_event_lidar && read.T_event_imu);
   EXPECT_LT(Log(read.T_event_lidar->inverse() * sequence.lidar_model().T_event_lidar).norm(), 1e-9);
+  EXPECT_LT(Log(read.T_event_imu->inverse() * options.T_event_imu).norm(), 1e-9);
+  EXPECT_EQ(TypesIn(stem + ".synced.imu.bag").at("/imu/data"), "sensor_msgs/Imu");
   EXPECT_EQ(read.depth_camera->distortion(), DistortionModel::kRationalPolynomial);
   // Ground truth is the pose of the body: with the calibration it gives the event camera's.
   rosbag::Bag bag(stem + ".synced.gt.bag");

@@ -64,6 +64,12 @@ class LaunchFilesTest(unittest.TestCase):
                 roslaunch.config.load_config_default(
                     [(path, REQUIRED[name] + ["depth_source:=sonar"])], None, verbose=False)
 
+    def test_vectors_imu_is_played_where_it_is_there(self):
+        path = os.path.join(PACKAGE, "launch", "vector.launch")
+        config = roslaunch.config.load_config_default([(path, REQUIRED["vector.launch"])], None, verbose=False)
+        replay = [node.args for node in config.nodes if node.type == "play_to_the_end.py"]
+        self.assertRegex(replay[0], r"--if-there '\S+\.synced\.imu\.bag'")
+
     def test_every_argument_that_can_be_given_is_documented(self):
         for path in launch_files():
             for argument in xml.etree.ElementTree.parse(path).getroot().iter("arg"):

@@ -91,7 +91,7 @@ class RecordingsTest(unittest.TestCase):
     def test_vector_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~vector")
         bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind)
-                for kind in ("left_event", "kinect_depth", "gt")]
+                for kind in ("left_event", "kinect_depth", "gt", "imu")]
         calibration = os.path.join(folder, "desk-normal1_calib")
         self.check("vector", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
                    ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration],
@@ -118,7 +118,8 @@ class RecordingsTest(unittest.TestCase):
     # Which sweep begins the map, and with it the error, depends on how messages arrive: 5 to 6 mm on an idle machine.
     def test_vector_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~vector")
-        bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind) for kind in ("left_event", "lidar", "gt")]
+        bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind)
+                for kind in ("left_event", "lidar", "gt", "imu")]
         calibration = os.path.join(folder, "desk-normal1_calib")
         self.check("vector_lidar", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
                    ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration, "depth_source:=lidar"],

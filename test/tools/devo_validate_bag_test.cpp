@@ -107,6 +107,17 @@ TEST_F(DevoValidateBag, SaysThatNothingConnectsTheImusFrame) {
   EXPECT_THAT(result.out, AllOf(HasSubstr("PROBLEM:"), HasSubstr("from the IMU's frame 'imu_link'")));
 }
 
+TEST_F(DevoValidateBag, TakesTheImusPlaceFromTheConfigurationWhateverItsFrame) {
+  TinyRecording recording;
+  recording.AddImu();
+  for (auto& sample : recording.imu) sample.header.frame_id = "imu_link";
+  recording.Write(bag_);
+  const ProgramResult result =
+      Run(config_ + " topics.imu=/imu 'T_event_imu={translation: [0.1, 0, 0], quaternion: [0, 0, 1, 0]}'");
+  EXPECT_EQ(result.status, 0) << result.out;
+  EXPECT_THAT(result.out, HasSubstr("IMU at (0.100, 0.000, 0.000) m in the event camera's frame, turned by 180.0 deg"));
+}
+
 TEST_F(DevoValidateBag, SaysThatTheCalibrationIsAnotherCameras) {
   TinyRecording recording;
   recording.event_info[0].width = 100;

@@ -43,6 +43,7 @@ struct RigConfig {
   std::optional<Camera> event_camera;   ///< else CameraInfo of the bag or topic
   std::optional<Camera> depth_camera;   ///< else CameraInfo of the bag or topic
   std::optional<Rigid3> T_event_depth;  ///< of the depth camera or the LiDAR; else tf_static
+  std::optional<Rigid3> T_event_imu;    ///< else tf_static
   std::optional<Rigid3> T_body_event;   ///< where ground truth is the pose of another body than the event camera
   bool registered = false;              ///< depth is already in the (distorted) event image
   double depth_time_offset_s = 0;       ///< added to the stamps of the depth images
@@ -65,7 +66,7 @@ void VisitRig(Config& c, Visitor&& visit) {
   visit("topics.depth", c.topics.depth, "Image, 16UC1 (mm) or 32FC1 (m), raw");
   visit("topics.depth_camera_info", c.topics.depth_camera_info, "CameraInfo, used when depth_camera is not given");
   visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR: where given, it takes the place of depth images");
-  visit("topics.imu", c.topics.imu, "Imu, optional; turned into the event camera's frame by tf_static");
+  visit("topics.imu", c.topics.imu, "Imu, optional; turned into the event camera's frame by T_event_imu");
   visit("topics.ground_truth", c.topics.ground_truth, "PoseStamped, Odometry or TransformStamped, for evaluation only");
   visit("frames.event", c.frames.event, "event camera's optical frame; empty: as its messages say");
   visit("frames.depth", c.frames.depth,
@@ -89,7 +90,7 @@ void VisitRig(Config& c, Visitor&& visit) {
 ///   event_camera, depth_camera:  {width, height, fx, fy, cx, cy, distortion_model, distortion_coefficients}, or the
 ///   layout
 ///                                of ROS camera_info files, or {file: PATH} to one, relative to the yaml;
-///   T_event_depth, T_body_event: 16 numbers row-major, four rows of four, {rows, cols, data}, or
+///   T_event_depth, T_event_imu, T_body_event: 16 numbers row-major, four rows of four, {rows, cols, data}, or
 ///                                {translation: [x, y, z], quaternion: [x, y, z, w]};
 /// What is not given there is taken from the files named by `calibration`. An empty group `{}` is as if it were not
 /// there. Throws std::invalid_argument naming file and key (unknown, with the nearest known one; of the wrong kind; out

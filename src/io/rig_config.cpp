@@ -24,8 +24,8 @@ const std::map<std::string, std::string>& ValueGroups() {
        "needed when "
        "registered"},
       {"T_event_imu",
-       "pose of the IMU in the event camera's frame; else tf_static between the frames that their messages name; else "
-       "its samples are left out"},
+       "pose of the IMU in the event camera's frame; else tf_static from the IMU's frame to the event camera's, or to "
+       "the depth's and then T_event_depth; else its samples are left out"},
       {"T_body_event",
        "event camera's pose in the frame of the body whose pose ground truth is, where that is another"}};
   return groups;

@@ -227,10 +227,21 @@ const tf2::BufferCore& BagReader::Transforms() {
 }
 
 ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
-  if (config_.T_event_imu) return ToImuSample(message, *config_.T_event_imu);
-  if (!event_frame_)
-    event_frame_ = FrameFor(config_.frames.event, config_.topics.event_camera_info, config_.topics.events);
-  return ToImuSample(message, PoseOfImu(message.header.frame_id, *event_frame_, Transforms()));
+  if (!imu_surroundings_) {
+    imu_surroundings_ = ImuSurroundings{config_.T_event_imu, EventFrame(), config_.T_event_depth, DepthFrame()};
+  }
+  return ToImuSample(message, PoseOfImu(message.header.frame_id, *imu_surroundings_, Transforms()),
+                     NsFromSeconds(config_.imu_time_offset_s));
+}
+
+std::string BagReader::EventFrame() {
+  return FrameFor(config_.frames.event, config_.topics.event_camera_info, config_.topics.events);
+}
+
+std::string BagReader::DepthFrame() {
+  const Topics& topics = config_.topics;
+  return config_.depth_from_lidar() ? FrameFor(config_.frames.depth, "", topics.points)
+                                    : FrameFor(config_.frames.depth, topics.depth_camera_info, topics.depth);
 }
 
 Rigid3 BagReader::DepthToEvent() {
@@ -239,10 +250,7 @@ Rigid3 BagReader::DepthToEvent() {
   const std::string hint =
       std::string("; expected key 'T_event_depth'") +
       (lidar ? " (the LiDAR's pose) or '/tf_static' in a bag" : ", '/tf_static' in a bag, or 'registered: true'");
-  const Topics& topics = config_.topics;
-  const std::string event = FrameFor(config_.frames.event, topics.event_camera_info, topics.events);
-  const std::string depth = lidar ? FrameFor(config_.frames.depth, "", topics.points)
-                                  : FrameFor(config_.frames.depth, topics.depth_camera_info, topics.depth);
+  const std::string event = EventFrame(), depth = DepthFrame();
   if (event.empty() || depth.empty()) {
     throw std::runtime_error(std::string("no extrinsics: the ") +
                              (event.empty() ? "event camera"

@@ -434,7 +434,7 @@ class Validator {
     double acceleration = 0, fastest_rad_s = 0;
     ForEachMessage(topic, [&](const BagTopic&, const ByteSpan& bytes) {
       const auto sample = Deserialise<sensor_msgs::Imu>(bytes);
-      stamps.Add(FromRosTime(sample.header.stamp));
+      stamps.Add(FromRosTime(sample.header.stamp) + NsFromSeconds(config_->imu_time_offset_s));
       const auto& a = sample.linear_acceleration;
       const auto& w = sample.angular_velocity;
       acceleration += Eigen::Vector3d(a.x, a.y, a.z).norm();

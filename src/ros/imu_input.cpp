@@ -17,15 +17,13 @@ constexpr std::int64_t kBackwards_ns = 100'000'000;  // as for surfaces: a bag i
 
 }  // namespace
 
-ImuInput::ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::optional<Rigid3> T_event_imu,
-                   std::function<std::string()> event_frame, std::function<void(std::int64_t)> on_arrival)
-    : topic_(topic), T_event_imu_(std::move(T_event_imu)), event_frame_(std::move(event_frame)),
+ImuInput::ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::int64_t time_offset_ns,
+                   std::function<ImuSurroundings()> surroundings, std::function<void(std::int64_t)> on_arrival)
+    : topic_(topic), time_offset_ns_(time_offset_ns), surroundings_(std::move(surroundings)),
       on_arrival_(std::move(on_arrival)) {
   ros::NodeHandle handle(nh);
-  if (!T_event_imu_) {
-    transform_subscriber_ = handle.subscribe<tf2_msgs::TFMessage>(
-        "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
-  }
+  transform_subscriber_ = handle.subscribe<tf2_msgs::TFMessage>(
+      "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
   imu_subscriber_ = handle.subscribe<sensor_msgs::Imu>(
       topic_, 1000, [this](const sensor_msgs::ImuConstPtr& message) { OnImu(*message); });
 }
@@ -39,11 +37,10 @@ void ImuInput::OnTransforms(const tf2_msgs::TFMessage& message) {
 }
 
 void ImuInput::OnImu(const sensor_msgs::Imu& message) {
-  on_arrival_(FromRosTime(message.header.stamp));
+  on_arrival_(FromRosTime(message.header.stamp) + time_offset_ns_);
   ImuSample sample;
   try {
-    sample = ToImuSample(
-        message, T_event_imu_ ? *T_event_imu_ : PoseOfImu(message.header.frame_id, event_frame_(), transforms_));
+    sample = ToImuSample(message, PoseOfImu(message.header.frame_id, surroundings_(), transforms_), time_offset_ns_);
   } catch (const std::exception& error) {
     ROS_WARN_STREAM_THROTTLE(5, "IMU samples on " << topic_ << " are left out: " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);

@@ -83,6 +83,18 @@ void CheckSize(const sensor_msgs::Image& message, std::size_t bytes_per_pixel) {
   }
 }
 
+/// T_target_source, where the static transformations connect the two; else why not.
+std::optional<Rigid3> Lookup(const std::string& target, const std::string& source, const tf2::BufferCore& transforms,
+                             std::string* reason) {
+  if (target.empty()) return std::nullopt;
+  try {
+    return FromTransformMsg(transforms.lookupTransform(target, source, ros::Time(0)).transform);
+  } catch (const std::exception& e) {  // tf2's exceptions, and quaternions of no length
+    *reason = e.what();
+    return std::nullopt;
+  }
+}
+
 }  // namespace
 
 std::size_t DropStrayEvents(double most_gap_s, std::vector<Event>* events) {
@@ -194,24 +206,26 @@ Camera ToCamera(const sensor_msgs::CameraInfo& m) {
           (m.K[2] - x0 + 0.5) / bin_x - 0.5, (m.K[5] - y0 + 0.5) / bin_y - 0.5, m.distortion_model, m.D};
 }
 
-Rigid3 PoseOfImu(const std::string& imu_frame, const std::string& event_frame, const tf2::BufferCore& transforms) {
-  const std::string imu = WithoutLeadingSlash(imu_frame), event = WithoutLeadingSlash(event_frame);
+Rigid3 PoseOfImu(const std::string& imu_frame, const ImuSurroundings& known, const tf2::BufferCore& transforms) {
+  if (known.T_event_imu) return *known.T_event_imu;
+  const std::string imu = WithoutLeadingSlash(imu_frame), event = WithoutLeadingSlash(known.event_frame);
   if (imu.empty() || imu == event) return Rigid3();
-  if (event.empty()) {
+  const std::string depth = known.T_event_depth ? WithoutLeadingSlash(known.depth_frame) : "";
+  if (event.empty() && depth.empty()) {
     throw std::runtime_error("their frame is '" + imu + "' and the event camera's frame is not known; expected key " +
-                             "'frames.event' or a CameraInfo with a frame_id");
+                             "'frames.event' or 'T_event_imu', or a CameraInfo with a frame_id");
   }
-  try {
-    return FromTransformMsg(transforms.lookupTransform(event, imu, ros::Time(0)).transform);
-  } catch (const std::exception& e) {
-    throw std::runtime_error("no transformation from the IMU's frame '" + imu + "' to the event frame '" + event +
-                             "'; expected it on /tf_static or as key 'T_event_imu' (" + e.what() + ")");
-  }
+  std::string reason;
+  if (const auto T_event_imu = Lookup(event, imu, transforms, &reason)) return *T_event_imu;
+  if (const auto T_depth_imu = Lookup(depth, imu, transforms, &reason)) return *known.T_event_depth * *T_depth_imu;
+  throw std::runtime_error("no transformation from the IMU's frame '" + imu + "' to the event frame '" + event + "'" +
+                           (depth.empty() ? "" : " or the depth's, '" + depth + "'") +
+                           "; expected it on /tf_static or as key 'T_event_imu' (" + reason + ")");
 }
 
-ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu) {
+ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu, std::int64_t time_offset_ns) {
   ImuSample sample;
-  sample.t_ns = FromRosTime(message.header.stamp);
+  sample.t_ns = FromRosTime(message.header.stamp) + time_offset_ns;
   const auto& w = message.angular_velocity;
   const auto& a = message.linear_acceleration;
   sample.angular_velocity = T_event_imu.rotation() * Eigen::Vector3d(w.x, w.y, w.z);

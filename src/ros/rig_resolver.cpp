@@ -39,8 +39,12 @@ RigResolver::RigResolver(const ros::NodeHandle& nh, const RigConfig& config, Nee
 void RigResolver::Start() {
   const bool needs_extrinsics = NeedsExtrinsics() && !config_.T_event_depth;
   const bool needs_transforms = needs_extrinsics || !need_.base_frame.empty();
-  if (!event_.camera || ((needs_transforms || need_.event_frame) && event_.frame.empty())) Subscribe(&event_);
-  if (NeedsDepthCamera() && (!depth_.camera || (needs_extrinsics && depth_.frame.empty()))) Subscribe(&depth_);
+  const bool needs_imu = need_.imu && !config_.T_event_imu;
+  if (!event_.camera || ((needs_transforms || needs_imu) && event_.frame.empty())) Subscribe(&event_);
+  if ((NeedsDepthCamera() && (!depth_.camera || (needs_extrinsics && depth_.frame.empty()))) ||
+      (needs_imu && config_.T_event_depth && depth_.frame.empty())) {
+    Subscribe(&depth_);
+  }
   if (needs_transforms) {
     transform_subscriber_ = nh_.subscribe<tf2_msgs::TFMessage>(
         "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });

@@ -63,12 +63,12 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   RigResolver::Need need;
   need.base_frame = frames_.base;
   const std::string imu_topic = InputTopic(nh_, "imu", config_.topics.imu);
-  need.event_frame = !imu_topic.empty() && !config_.T_event_imu;
+  need.imu = !imu_topic.empty();
   rig_ = std::make_unique<RigResolver>(nh_, config_, need, [this](const ResolvedRig& rig) { OnRig(rig); });
   if (!imu_topic.empty()) {
     imu_input_ = health_.AddInput("IMU samples", nh_.resolveName(imu_topic), "Imu");
     imu_ = std::make_unique<ImuInput>(
-        nh_, imu_topic, config_.T_event_imu, [this] { return rig_->event_frame(); },
+        nh_, imu_topic, NsFromSeconds(config_.imu_time_offset_s), [this] { return rig_->imu_surroundings(); },
         [this](std::int64_t t_ns) { imu_input_->Arrived(t_ns); });
   }
   health_.AddMissing([this](const KnownTopics& known) { return rig_->Missing(known); });

@@ -11,11 +11,15 @@ import rosbag
 import rospy
 import yaml
 from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, Image, Imu
 from tf2_msgs.msg import TFMessage
 
 EVENT = numpy.dtype([("x", "<u2"), ("y", "<u2"), ("secs", "<u4"), ("nsecs", "<u4"), ("polarity", "u1")])
 PERIOD_NS = 2000000  # of messages: event_delta_t, event_message_time_threshold
+# The Kinect's IMU in the frame of its depth camera: x back, y left, z down.
+R_DEPTH_IMU = numpy.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
+Q_DEPTH_IMU = [-0.5, 0.5, 0.5, 0.5]
+IMU_LATENCY_NS = 8000000  # of the driver: samples come in batches
 
 
 def raw_type(name, md5):
@@ -67,26 +71,46 @@ class LiveSensors:
         self.info_publisher = rospy.Publisher(topic.rsplit("/", 1)[0] + "/camera_info", CameraInfo, queue_size=5)
         self.depth_publisher = rospy.Publisher("/depth/image_raw", Image, queue_size=5)
         self.depth_info_publisher = rospy.Publisher("/depth/camera_info", CameraInfo, queue_size=5)
+        self.imu_publisher = rospy.Publisher("/imu", Imu, queue_size=100)
         self.static_publisher = rospy.Publisher("/tf_static", TFMessage, queue_size=5, latch=True)
         self.read(bag)
 
     def read(self, path):
-        events, self.depth = [], []
+        events, self.depth, self.imu = [], [], []
         with rosbag.Bag(path) as bag:
             for topic, raw, _ in bag.read_messages(topics=["/event_camera/events"], raw=True):
                 skip = 16 + struct.unpack_from("<I", raw[1], 12)[0]
                 events.append(numpy.frombuffer(raw[1], EVENT, offset=skip + 12))
             for topic, message, _ in bag.read_messages(topics=["/depth/image_raw", "/depth/camera_info"]):
                 self.depth.append(message)
+            for _, message, _ in bag.read_messages(topics=["/imu"]):
+                self.imu.append(self.of_the_kinect(message))
         self.events = numpy.concatenate(events)
         self.t_ns = self.events["secs"].astype(numpy.int64) * 10**9 + self.events["nsecs"]
 
-    def publish_static(self, T_base_event):
-        """base_link -> event camera, and the depth camera as the rig has it. Poses are x y z qx qy qz qw."""
+    def rotation_event_depth(self):
+        x, y, z, w = self.rig["T_event_depth"]["quaternion"]
+        cross = numpy.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return numpy.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+    def of_the_kinect(self, message):
+        """A sample in the event camera's frame as a sensor at its place, but turned as the Kinect's, would have it."""
+        turned = (self.rotation_event_depth() @ R_DEPTH_IMU).T
+        for vector in (message.angular_velocity, message.linear_acceleration):
+            vector.x, vector.y, vector.z = turned @ numpy.array([vector.x, vector.y, vector.z])
+        message.header.frame_id = "imu_link"
+        return message
+
+    def publish_static(self, T_base_event, connect_depth):
+        """base_link -> event camera, the Kinect's own tree and, on request, event camera -> depth camera as the rig has
+        it. Poses are x y z qx qy qz qw."""
         rig = self.rig["T_event_depth"]
+        p_depth_imu = list(-self.rotation_event_depth().T @ numpy.array(rig["translation"]))
+        poses = [("base_link", self.event_frame, T_base_event), ("depth_camera_link", "imu_link", p_depth_imu + Q_DEPTH_IMU)]
+        if connect_depth:
+            poses.append((self.event_frame, "depth_camera_link", rig["translation"] + rig["quaternion"]))
         message = TFMessage()
-        for parent, child, pose in (("base_link", self.event_frame, T_base_event),
-                                    (self.event_frame, "depth_camera_link", rig["translation"] + rig["quaternion"])):
+        for parent, child, pose in poses:
             transform = TransformStamped()
             transform.header.frame_id, transform.child_frame_id = parent, child
             for part, names, values in ((transform.transform.translation, "xyz", pose[:3]),
@@ -124,6 +148,10 @@ class LiveSensors:
             is_image = isinstance(message, Image) or message._type == Image._type
             due.append((t_ns + (20000000 if is_image else 0),  # exposure and transfer
                         self.depth_publisher if is_image else self.depth_info_publisher, message))
+        for message in self.imu:
+            t_ns = message.header.stamp.to_nsec() + shift_ns
+            message.header.stamp = genpy.Time(t_ns // 10**9, t_ns % 10**9)
+            due.append((t_ns + IMU_LATENCY_NS, self.imu_publisher, message))
         info = CameraInfo(width=size[0], height=size[1])
         info.header.frame_id = self.event_frame
         for t_ns in range(due[0][0], due[-1][0], 200000000):

@@ -47,6 +47,7 @@ struct RigConfig {
   std::optional<Rigid3> T_body_event;   ///< where ground truth is the pose of another body than the event camera
   bool registered = false;              ///< depth is already in the (distorted) event image
   double depth_time_offset_s = 0;       ///< added to the stamps of the depth images
+  double imu_time_offset_s = 0;         ///< added to the stamps of the IMU
   double points_turn_s = 0;             ///< of a LiDAR whose points carry no times
   double depth_scale = 1;               ///< depth in metres = depth_scale * depth as the images say
   OdometryOptions odometry;
@@ -66,7 +67,7 @@ void VisitRig(Config& c, Visitor&& visit) {
   visit("topics.depth", c.topics.depth, "Image, 16UC1 (mm) or 32FC1 (m), raw");
   visit("topics.depth_camera_info", c.topics.depth_camera_info, "CameraInfo, used when depth_camera is not given");
   visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR: where given, it takes the place of depth images");
-  visit("topics.imu", c.topics.imu, "Imu, optional; turned into the event camera's frame by T_event_imu");
+  visit("topics.imu", c.topics.imu, "Imu, optional");
   visit("topics.ground_truth", c.topics.ground_truth, "PoseStamped, Odometry or TransformStamped, for evaluation only");
   visit("frames.event", c.frames.event, "event camera's optical frame; empty: as its messages say");
   visit("frames.depth", c.frames.depth,
@@ -78,6 +79,7 @@ void VisitRig(Config& c, Visitor&& visit) {
   visit("registered", c.registered, "depth is already in the event camera's (distorted) image");
   visit("depth_time_offset_s", c.depth_time_offset_s, -10.0, 10.0,
         "added to the depth's stamps: depth clock to event clock");
+  visit("imu_time_offset_s", c.imu_time_offset_s, -10.0, 10.0, "added to the IMU's stamps: its clock to event clock");
   visit("points_turn_s", c.points_turn_s, 0.0, 10.0,
         "LiDAR whose points carry no times: duration of a turn, which ends at the stamp and whose azimuth tells the "
         "time; "

@@ -94,6 +94,8 @@ class BagReader {
   std::string FrameFor(const std::string& configured, const std::string& info_topic, const std::string& data_topic);
   Rigid3 DepthToEvent();
   const tf2::BufferCore& Transforms();
+  std::string EventFrame();
+  std::string DepthFrame();  // the LiDAR's, where it measures depth
   ImuSample ImuInEventFrame(const sensor_msgs::Imu& message);
   void FillAhead(Stream* stream);
   bool Decode(Stream* stream, const BagEntry& entry);
@@ -101,8 +103,8 @@ class BagReader {
 
   RigConfig config_;
   std::vector<std::unique_ptr<BagFile>> bags_;
-  std::unique_ptr<tf2::BufferCore> transforms_;  // tf_static of all bags, once asked for
-  std::optional<std::string> event_frame_;       // once asked for
+  std::unique_ptr<tf2::BufferCore> transforms_;      // tf_static of all bags, once asked for
+  std::optional<ImuSurroundings> imu_surroundings_;  // once asked for
   std::vector<std::unique_ptr<Stream>> streams_;
   std::int64_t begin_ns_ = 0, end_ns_ = std::numeric_limits<std::int64_t>::max();
   LeftOut left_out_;

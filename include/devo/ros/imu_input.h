@@ -7,7 +7,6 @@
 #include <deque>
 #include <functional>
 #include <mutex>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,17 +17,16 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include "devo/core/imu.h"
-#include "devo/core/rigid3.h"
+#include "devo/ros/message_conversion.h"
 
 namespace devo {
 
 /// Samples arrive on the callback queue of the node handle; they may be taken from another thread.
 class ImuInput {
  public:
-  /// Without `T_event_imu`, tf_static between the message's frame and `event_frame` tells it, which is asked per
-  /// sample, on the callback queue; empty: not known yet. `on_arrival` hears every message's time.
-  ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::optional<Rigid3> T_event_imu,
-           std::function<std::string()> event_frame, std::function<void(std::int64_t)> on_arrival);
+  /// `surroundings` is asked per sample, on the callback queue. `on_arrival` hears every message's time.
+  ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::int64_t time_offset_ns,
+           std::function<ImuSurroundings()> surroundings, std::function<void(std::int64_t)> on_arrival);
 
   /// The waiting samples up to and with `t_ns`, oldest first.
   std::vector<ImuSample> TakeUntil(std::int64_t t_ns);
@@ -40,8 +38,8 @@ class ImuInput {
   void OnTransforms(const tf2_msgs::TFMessage& message);
 
   std::string topic_;
-  std::optional<Rigid3> T_event_imu_;
-  std::function<std::string()> event_frame_;
+  std::int64_t time_offset_ns_;
+  std::function<ImuSurroundings()> surroundings_;
   std::function<void(std::int64_t)> on_arrival_;
   tf2::BufferCore transforms_;
   mutable std::mutex mutex_;

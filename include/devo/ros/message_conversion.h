@@ -108,13 +108,21 @@ LidarSweep ToLidarSweep(const sensor_msgs::PointCloud2& message, double turn_s =
 /// as Camera does (an uncalibrated camera has K = 0), and for a region of interest that is to be rectified.
 Camera ToCamera(const sensor_msgs::CameraInfo& message);
 
-/// How the IMU lies in the event frame. The identity where `imu_frame` is empty (the message claims no frame of
-/// its own) or is the event frame; else from `transforms`. Throws std::runtime_error naming both frames where the event
-/// frame is empty (unknown) or the transformation is not there.
-Rigid3 PoseOfImu(const std::string& imu_frame, const std::string& event_frame, const tf2::BufferCore& transforms);
+/// What is known of an IMU's place besides tf_static. Frames are empty while they are not known.
+struct ImuSurroundings {
+  std::optional<Rigid3> T_event_imu;  ///< configured
+  std::string event_frame;
+  std::optional<Rigid3> T_event_depth;  ///< configured: of the depth camera or LiDAR, which may carry the IMU
+  std::string depth_frame;
+};
+
+/// How the IMU lies in the event frame: as configured; else the identity where `imu_frame` is empty (the message claims
+/// no frame of its own) or is the event frame; else from `transforms`, to the event frame or, with T_event_depth, to
+/// the depth's. Throws std::runtime_error naming the frames where nothing connects them.
+Rigid3 PoseOfImu(const std::string& imu_frame, const ImuSurroundings& known, const tf2::BufferCore& transforms);
 
 /// Turned into the event frame. The acceleration stays that of the IMU's own place; NaN where the message's covariance
-/// says that there is none (-1, sensor_msgs/Imu).
-ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu);
+/// says that there is none (-1, sensor_msgs/Imu). `time_offset_ns` is added to the stamp.
+ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu, std::int64_t time_offset_ns = 0);
 
 }  // namespace devo

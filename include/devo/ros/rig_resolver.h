@@ -16,6 +16,7 @@
 #include "devo/core/rig.h"
 #include "devo/io/rig_config.h"
 #include "devo/ros/health.h"
+#include "devo/ros/message_conversion.h"
 
 namespace devo {
 
@@ -29,9 +30,9 @@ struct ResolvedRig {
 class RigResolver {
  public:
   struct Need {
-    bool depth = false;        ///< T_event_depth and, unless a LiDAR measures depth, the depth camera
-    bool event_frame = false;  ///< event_frame() is asked for; not waited for
-    std::string base_frame;    ///< T_event_base from tf_static; empty: not needed
+    bool depth = false;      ///< T_event_depth and, unless a LiDAR measures depth, the depth camera
+    bool imu = false;        ///< imu_surroundings() is asked for; its frames are not waited for
+    std::string base_frame;  ///< T_event_base from tf_static; empty: not needed
   };
 
   /// `on_resolved` is called once, from Start or from a callback on the queue of `nh`.
@@ -44,8 +45,10 @@ class RigResolver {
   /// The frame that the depth's own messages name, used when nothing else does.
   void SetDepthFrame(const std::string& frame);
 
-  /// As configured, else of the CameraInfo; empty while neither says.
-  const std::string& event_frame() const { return event_.frame; }
+  /// With the frames as configured, else of the CameraInfos; empty while neither says.
+  ImuSurroundings imu_surroundings() const {
+    return {config_.T_event_imu, event_.frame, config_.T_event_depth, depth_.frame};
+  }
 
   bool resolved() const { return resolved_; }
 

@@ -12,7 +12,6 @@ namespace {
 constexpr std::size_t kMaxSamples = 4000;        // 2.5 s of the fastest drivers
 constexpr std::int64_t kMaxGap_ns = 50'000'000;  // between samples: the slowest drivers have 50 Hz
 constexpr double kPushSpan_s = 1;
-constexpr std::int64_t kMaxHold_ns = 15'000'000;  // after the last sample
 
 using Vector = Eigen::Matrix<double, 6, 1>;
 

@@ -23,7 +23,7 @@ std::string Complaint(const InertialFit& fit) {
   if (FitsNotAtAll(fit.gyroscope)) {
     std::snprintf(text, sizeof(text),
                   "the gyroscope does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
-                  "frame and /tf_static, its axes, signs and stamps, and that it is in rad/s",
+                  "place (T_event_imu or /tf_static), its axes, signs and stamps, and that it is in rad/s",
                   fit.gyroscope);
   } else if (fit.force_m_s2 > 0 && !IsPlausibleForce(fit.force_m_s2)) {
     std::snprintf(text, sizeof(text),
@@ -32,12 +32,12 @@ std::string Complaint(const InertialFit& fit) {
   } else if (FitsNotAtAll(fit.accelerometer)) {
     std::snprintf(text, sizeof(text),
                   "the accelerometer does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
-                  "frame and /tf_static, its axes, signs and stamps",
+                  "place (T_event_imu or /tf_static), its axes, signs and stamps",
                   fit.accelerometer);
   } else if (FitsBadly(fit.gyroscope) || FitsBadly(fit.accelerometer)) {
     std::snprintf(text, sizeof(text),
                   "the IMU fits the motion badly (gyroscope %.0f, accelerometer %.0f times its errors) and counts for "
-                  "less: check its mounting in /tf_static, its stamps, scale and range",
+                  "less: check its place (T_event_imu or /tf_static), its stamps, scale and range",
                   fit.gyroscope, fit.accelerometer);
   }
   return text;

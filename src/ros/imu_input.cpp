@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/ros/imu_input.h"
 
+#include <algorithm>
 #include <utility>
 
 #include <ros/console.h>
 
+#include "devo/core/inertial_buffer.h"
+#include "devo/core/time.h"
 #include "devo/ros/conversions.h"
 #include "devo/ros/message_conversion.h"
 
@@ -54,6 +57,7 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
     return;
   }
   if (!waiting_.empty() && sample.t_ns < waiting_.back().t_ns - kBackwards_ns) waiting_.clear();
+  newest_ns_ = sample.t_ns;
   waiting_.push_back(sample);
   ++accepted_;
   if (waiting_.size() > kMaxWaiting) {
@@ -64,6 +68,7 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
 
 std::vector<ImuSample> ImuInput::TakeUntil(std::int64_t t_ns) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  if (newest_ns_ != 0) behind_ms_.Add(1e3 * std::max(0.0, SecondsFromNs(t_ns - newest_ns_)));
   std::vector<ImuSample> samples;
   while (!waiting_.empty() && waiting_.front().t_ns <= t_ns) {
     samples.push_back(waiting_.front());
@@ -78,6 +83,15 @@ void ImuInput::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   status.add("IMU samples without a transform", without_transform_);
   status.add("IMU samples that are no reading", no_reading_);
   status.add("IMU samples that waited too long", overflowed_);
+  status.addf("IMU samples behind the surfaces p50 (ms)", "%.1f", behind_ms_.At(0.5));
+  const double kUsable_ms = 1e3 * SecondsFromNs(InertialBuffer::kMaxHold_ns);
+  if (behind_ms_.At(0.5) > kUsable_ms) {
+    status.mergeSummaryf(
+        diagnostic_msgs::DiagnosticStatus::WARN,
+        "IMU samples come %.0f ms after the surfaces of their time, too late to be of use beyond %.0f: "
+        "its driver's latency, or imu_time_offset_s",
+        behind_ms_.At(0.5), kUsable_ms);
+  }
 }
 
 }  // namespace devo

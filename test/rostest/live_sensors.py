@@ -19,7 +19,6 @@ PERIOD_NS = 2000000  # of messages: event_delta_t, event_message_time_threshold
 # The Kinect's IMU in the frame of its depth camera: x back, y left, z down.
 R_DEPTH_IMU = numpy.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
 Q_DEPTH_IMU = [-0.5, 0.5, 0.5, 0.5]
-IMU_LATENCY_NS = 8000000  # of the driver: samples come in batches
 
 
 def raw_type(name, md5):
@@ -60,7 +59,8 @@ def event_packet(events, t_ns, size, sensor_us, seq):
 
 
 class LiveSensors:
-    def __init__(self, bag, config, driver):
+    def __init__(self, bag, config, driver, imu_latency_ns=8000000):
+        self.imu_latency_ns = imu_latency_ns  # samples come in batches
         with open(config) as text:
             self.rig = yaml.safe_load(text)
         self.packets = driver == "metavision"
@@ -151,7 +151,7 @@ class LiveSensors:
         for message in self.imu:
             t_ns = message.header.stamp.to_nsec() + shift_ns
             message.header.stamp = genpy.Time(t_ns // 10**9, t_ns % 10**9)
-            due.append((t_ns + IMU_LATENCY_NS, self.imu_publisher, message))
+            due.append((t_ns + self.imu_latency_ns, self.imu_publisher, message))
         info = CameraInfo(width=size[0], height=size[1])
         info.header.frame_id = self.event_frame
         for t_ns in range(due[0][0], due[-1][0], 200000000):

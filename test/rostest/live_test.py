@@ -60,9 +60,9 @@ class LiveTest(unittest.TestCase):
         with open(cls.extrinsics, "w") as out:
             yaml.safe_dump({"T_event_depth": rig["T_event_depth"]}, out)
 
-    def run_live(self, driver, arguments, overrides="", extrinsics=""):
+    def run_live(self, driver, arguments, overrides="", extrinsics="", **of_sensors):
         """What the nodelets published, and by how much its stamps are ahead of the recording's."""
-        sensors = LiveSensors(self.bag, self.config, driver)
+        sensors = LiveSensors(self.bag, self.config, driver, **of_sensors)
         sensors.publish_static(T_BASE_EVENT, connect_depth=not extrinsics)
         record = Record()
         path = subprocess.check_output(["rospack", "find", "devo"], universal_newlines=True).strip()
@@ -116,6 +116,12 @@ class LiveTest(unittest.TestCase):
                                pose_of(transform.transform.translation, transform.transform.rotation))
             self.assertLess(numpy.abs(identity[:6]).max(), 1e-9)
         self.assertLess(self.error_of("prophesee", record.odometry, shift_ns, T_BASE_EVENT), 0.006)
+
+    def test_an_imu_whose_samples_come_too_late_is_named_and_the_odometry_goes_on(self):
+        record, shift_ns = self.run_live("prophesee", [], imu_latency_ns=100000000)
+        messages = [d["message"] for d in record.diagnostics_named(": tracking")]
+        self.assertTrue(any("IMU samples come" in m and "imu_time_offset_s" in m for m in messages), messages)
+        self.assertLess(self.error_of("late_imu", record.odometry, shift_ns, [0, 0, 0, 0, 0, 0, 1]), 0.012)
 
     def test_metavision_driver_and_kinect_give_the_odometry_of_the_event_camera_without_tf_if_it_is_not_wanted(self):
         record, shift_ns = self.run_live("metavision", ["publish_tf:=false"],

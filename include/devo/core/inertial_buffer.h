@@ -21,12 +21,15 @@ struct InertialMean {
 /// The samples of the last seconds. Not thread-safe.
 class InertialBuffer {
  public:
+  /// The last sample holds for so long.
+  static constexpr std::int64_t kMaxHold_ns = 15'000'000;
+
   /// Samples in the order of their time; one that is not newer than the last, or whose angular velocity is not finite,
   /// is left out.
   void Add(const ImuSample& sample);
 
-  /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for a moment (samples come later than
-  /// events). Empty where the samples leave a part of the span open.
+  /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for kMaxHold_ns (samples come later
+  /// than events). Empty where the samples leave a part of the span open.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
 
   /// Time of the oldest sample that is kept. Empty before the first.

@@ -18,6 +18,7 @@
 
 #include "devo/core/imu.h"
 #include "devo/ros/message_conversion.h"
+#include "devo/ros/statistics.h"
 
 namespace devo {
 
@@ -28,9 +29,10 @@ class ImuInput {
   ImuInput(const ros::NodeHandle& nh, const std::string& topic, std::int64_t time_offset_ns,
            std::function<ImuSurroundings()> surroundings, std::function<void(std::int64_t)> on_arrival);
 
-  /// The waiting samples up to and with `t_ns`, oldest first.
+  /// The waiting samples up to and with a surface's `t_ns`, oldest first.
   std::vector<ImuSample> TakeUntil(std::int64_t t_ns);
 
+  /// Warns where samples come too late to be of use.
   void Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
 
  private:
@@ -44,6 +46,8 @@ class ImuInput {
   tf2::BufferCore transforms_;
   mutable std::mutex mutex_;
   std::deque<ImuSample> waiting_;
+  std::int64_t newest_ns_ = 0;
+  Quantiles behind_ms_;  // the newest sample, when a surface asks
   std::uint64_t accepted_ = 0, without_transform_ = 0, no_reading_ = 0, overflowed_ = 0;
   ros::Subscriber imu_subscriber_, transform_subscriber_;
 };

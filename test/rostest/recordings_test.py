@@ -113,9 +113,10 @@ class RecordingsTest(unittest.TestCase):
         calibration = os.path.join(folder, "indoor_flying_calib", "camchain-imucam-indoor_flying.yaml")
         self.check("mvsec_lidar", PACKAGE + "/config/mvsec.yaml", bags, "mvsec.launch",
                    ["sequence:=indoor_flying1", "dir:=" + folder, "depth_source:=lidar"],
-                   ["calibration.path=" + calibration, "topics.points=/velodyne_point_cloud"], floor_m=0.01)
+                   ["calibration.path=" + calibration, "topics.points=/velodyne_point_cloud"], floor_m=0.005)
 
-    # Which sweep begins the map, and with it the error, depends on how messages arrive: 5 to 6 mm on an idle machine.
+    # Which sweep begins the map, and with it the error, depends on how messages arrive: 0.8 to 1 mm on an idle machine,
+    # up to 3.6 beside two busy programs.
     def test_vector_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~vector")
         bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind)
@@ -123,7 +124,7 @@ class RecordingsTest(unittest.TestCase):
         calibration = os.path.join(folder, "desk-normal1_calib")
         self.check("vector_lidar", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
                    ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration, "depth_source:=lidar"],
-                   ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.01)
+                   ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.005)
 
     def test_the_sample_in_the_repository_is_replayed_as_well_as_offline(self):
         self.replay("sample", "../test/data/sample_davis240.yaml", os.path.join(PACKAGE, "test/data/sample_davis240.bag"),

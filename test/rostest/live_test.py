@@ -66,8 +66,9 @@ class LiveTest(unittest.TestCase):
         sensors.publish_static(T_BASE_EVENT, connect_depth=not extrinsics)
         record = Record()
         path = subprocess.check_output(["rospack", "find", "devo"], universal_newlines=True).strip()
+        configs = [path + "/config/prophesee_kinect.yaml", self.calibration] + ([extrinsics] if extrinsics else [])
         command = ["roslaunch", "devo", "live.launch", "drivers:=false", "rviz:=false", "respawn:=false",
-                   "event_driver:=" + driver, "config:=%s/config/prophesee_kinect.yaml,%s%s" % (path, self.calibration, extrinsics and "," + extrinsics),
+                   "event_driver:=" + driver, "config:=" + ",".join(configs),
                    "set:=depth_time_offset_s=0 " + overrides] + arguments
         launched = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         try:

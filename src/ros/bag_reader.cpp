@@ -228,7 +228,8 @@ const tf2::BufferCore& BagReader::Transforms() {
 
 ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
   if (!imu_surroundings_) {
-    imu_surroundings_ = ImuSurroundings{config_.T_event_imu, EventFrame(), config_.T_event_depth, DepthFrame()};
+    imu_surroundings_ = ImuSurroundings{config_.T_event_imu, EventFrame(),
+                                        config_.depth_apart() ? config_.T_event_depth : std::nullopt, DepthFrame()};
   }
   return ToImuSample(message, PoseOfImu(message.header.frame_id, *imu_surroundings_, Transforms()),
                      NsFromSeconds(config_.imu_time_offset_s));
@@ -270,7 +271,7 @@ Rig BagReader::ReadRig() {
   Rig rig;
   rig.event_camera = CameraFor("event_camera", config_.event_camera, config_.topics.event_camera_info);
   rig.depth_from_lidar = config_.depth_from_lidar();
-  rig.depth_registered = config_.registered && !rig.depth_from_lidar;
+  rig.depth_registered = !config_.depth_apart();
   if (rig.depth_from_lidar) {
     rig.T_event_depth = DepthToEvent();
     return rig;

@@ -40,11 +40,11 @@ void RigResolver::Start() {
   const bool needs_extrinsics = NeedsExtrinsics() && !config_.T_event_depth;
   const bool needs_transforms = needs_extrinsics || !need_.base_frame.empty();
   const bool needs_imu = need_.imu && !config_.T_event_imu;
+  // Through the frame of a depth camera that carries it; a LiDAR has no CameraInfo that would name its own.
+  const bool imu_by_depth = needs_imu && config_.T_event_depth && config_.depth_apart() && !config_.depth_from_lidar();
   if (!event_.camera || ((needs_transforms || needs_imu) && event_.frame.empty())) Subscribe(&event_);
-  if ((NeedsDepthCamera() && (!depth_.camera || (needs_extrinsics && depth_.frame.empty()))) ||
-      (needs_imu && config_.T_event_depth && depth_.frame.empty())) {
-    Subscribe(&depth_);
-  }
+  const bool needs_depth_frame = imu_by_depth || (NeedsDepthCamera() && needs_extrinsics);
+  if ((NeedsDepthCamera() && !depth_.camera) || (needs_depth_frame && depth_.frame.empty())) Subscribe(&depth_);
   if (needs_transforms) {
     transform_subscriber_ = nh_.subscribe<tf2_msgs::TFMessage>(
         "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
@@ -101,7 +101,7 @@ void RigResolver::TryToResolve() {
   result.event_frame = event_.frame.empty() ? "event_camera" : WithoutLeadingSlash(event_.frame);
   result.rig.event_camera = *event_.camera;
   result.rig.depth_from_lidar = config_.depth_from_lidar();
-  result.rig.depth_registered = config_.registered && !config_.depth_from_lidar();
+  result.rig.depth_registered = !config_.depth_apart();
   result.rig.depth_camera = *event_.camera;
   if (NeedsDepthCamera()) {
     if (!depth_.camera) return;

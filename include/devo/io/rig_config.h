@@ -54,6 +54,8 @@ struct RigConfig {
 
   /// A LiDAR measures depth: `registered`, topics.depth and depth_camera are of no use then.
   bool depth_from_lidar() const { return !topics.points.empty(); }
+  /// What measures depth has a place of its own, T_event_depth.
+  bool depth_apart() const { return depth_from_lidar() || !registered; }
 };
 
 /// Calls `visit(key, value&, min, max, meaning)` for numbers, `visit(key, string&, choices, meaning)` for

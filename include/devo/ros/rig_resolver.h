@@ -47,7 +47,8 @@ class RigResolver {
 
   /// With the frames as configured, else of the CameraInfos; empty while neither says.
   ImuSurroundings imu_surroundings() const {
-    return {config_.T_event_imu, event_.frame, config_.T_event_depth, depth_.frame};
+    return {config_.T_event_imu, event_.frame, config_.depth_apart() ? config_.T_event_depth : std::nullopt,
+            depth_.frame};
   }
 
   bool resolved() const { return resolved_; }
@@ -67,7 +68,7 @@ class RigResolver {
   void OnCameraInfo(CameraSource* source, const sensor_msgs::CameraInfo& info);
   void OnTransforms(const tf2_msgs::TFMessage& message);
   std::optional<Rigid3> Lookup(const std::string& target, const std::string& source) const;
-  bool NeedsExtrinsics() const { return need_.depth && (config_.depth_from_lidar() || !config_.registered); }
+  bool NeedsExtrinsics() const { return need_.depth && config_.depth_apart(); }
   bool NeedsDepthCamera() const { return NeedsExtrinsics() && !config_.depth_from_lidar(); }
   std::string MissingCamera(const KnownTopics& known, const CameraSource& source) const;
   std::string MissingTransform(const std::string& key, const std::string& a, const std::string& b) const;

@@ -67,6 +67,18 @@ Rigid3 FromTransformMsg(const geometry_msgs::Transform& transform) {
   return FromMessage(transform.translation, transform.rotation);
 }
 
+std::optional<Rigid3> LookupTransform(const tf2::BufferCore& transforms, const std::string& target,
+                                      const std::string& source, std::string* reason) {
+  if (target.empty() || source.empty()) return std::nullopt;
+  try {
+    return FromTransformMsg(
+        transforms.lookupTransform(WithoutLeadingSlash(target), WithoutLeadingSlash(source), ros::Time(0)).transform);
+  } catch (const std::exception& e) {  // tf2's exceptions, and quaternions of no length
+    if (reason != nullptr) *reason = e.what();
+    return std::nullopt;
+  }
+}
+
 Matrix6d FixedAxisCovariance(const Rigid3& T_a_b, const Matrix6d& covariance_b) {
   Matrix6d J = Matrix6d::Zero();
   J.topLeftCorner<3, 3>() = T_a_b.rotation().toRotationMatrix();

@@ -83,18 +83,6 @@ void CheckSize(const sensor_msgs::Image& message, std::size_t bytes_per_pixel) {
   }
 }
 
-/// T_target_source, where the static transformations connect the two; else why not.
-std::optional<Rigid3> Lookup(const std::string& target, const std::string& source, const tf2::BufferCore& transforms,
-                             std::string* reason) {
-  if (target.empty()) return std::nullopt;
-  try {
-    return FromTransformMsg(transforms.lookupTransform(target, source, ros::Time(0)).transform);
-  } catch (const std::exception& e) {  // tf2's exceptions, and quaternions of no length
-    *reason = e.what();
-    return std::nullopt;
-  }
-}
-
 }  // namespace
 
 std::size_t DropStrayEvents(double most_gap_s, std::vector<Event>* events) {
@@ -216,8 +204,9 @@ Rigid3 PoseOfImu(const std::string& imu_frame, const ImuSurroundings& known, con
                              "'frames.event' or 'T_event_imu', or a CameraInfo with a frame_id");
   }
   std::string reason;
-  if (const auto T_event_imu = Lookup(event, imu, transforms, &reason)) return *T_event_imu;
-  if (const auto T_depth_imu = Lookup(depth, imu, transforms, &reason)) return *known.T_event_depth * *T_depth_imu;
+  if (const auto T_event_imu = LookupTransform(transforms, event, imu, &reason)) return *T_event_imu;
+  if (const auto T_depth_imu = LookupTransform(transforms, depth, imu, &reason))
+    return *known.T_event_depth * *T_depth_imu;
   throw std::runtime_error("no transformation from the IMU's frame '" + imu + "' to the event frame '" + event + "'" +
                            (depth.empty() ? "" : " or the depth's, '" + depth + "'") +
                            "; expected it on /tf_static or as key 'T_event_imu' (" + reason + ")");

@@ -85,16 +85,6 @@ void RigResolver::OnTransforms(const tf2_msgs::TFMessage& message) {
   TryToResolve();
 }
 
-std::optional<Rigid3> RigResolver::Lookup(const std::string& target, const std::string& source) const {
-  if (target.empty() || source.empty()) return std::nullopt;
-  try {
-    return FromTransformMsg(
-        transforms_.lookupTransform(WithoutLeadingSlash(target), WithoutLeadingSlash(source), ros::Time(0)).transform);
-  } catch (const std::exception&) {  // tf2's exceptions, and quaternions of no length
-    return std::nullopt;
-  }
-}
-
 void RigResolver::TryToResolve() {
   if (resolved_ || !event_.camera) return;
   ResolvedRig result;
@@ -108,12 +98,13 @@ void RigResolver::TryToResolve() {
     result.rig.depth_camera = *depth_.camera;
   }
   if (NeedsExtrinsics()) {
-    const std::optional<Rigid3> T = config_.T_event_depth ? config_.T_event_depth : Lookup(event_.frame, depth_.frame);
+    const std::optional<Rigid3> T =
+        config_.T_event_depth ? config_.T_event_depth : LookupTransform(transforms_, event_.frame, depth_.frame);
     if (!T) return;
     result.rig.T_event_depth = *T;
   }
   if (!need_.base_frame.empty()) {
-    result.T_event_base = Lookup(event_.frame, need_.base_frame);
+    result.T_event_base = LookupTransform(transforms_, event_.frame, need_.base_frame);
     if (!result.T_event_base) return;
   }
   resolved_ = true;
@@ -129,11 +120,11 @@ std::vector<std::string> RigResolver::Missing(const KnownTopics& known) const {
     if (!depth_.camera) sentences.push_back(MissingCamera(known, depth_));
   }
   if (NeedsExtrinsics()) {
-    if (!config_.T_event_depth && !Lookup(event_.frame, depth_.frame)) {
+    if (!config_.T_event_depth && !LookupTransform(transforms_, event_.frame, depth_.frame)) {
       sentences.push_back(MissingTransform("T_event_depth", event_.frame, depth_.frame));
     }
   }
-  if (!need_.base_frame.empty() && !Lookup(event_.frame, need_.base_frame)) {
+  if (!need_.base_frame.empty() && !LookupTransform(transforms_, event_.frame, need_.base_frame)) {
     sentences.push_back(MissingTransform("base_frame's transformation", event_.frame, need_.base_frame));
   }
   return sentences;

@@ -4,12 +4,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/time.h>
+#include <tf2/buffer_core.h>
 
 #include "devo/core/pose_estimate.h"
 #include "devo/core/rigid3.h"
@@ -29,6 +31,11 @@ std::string WithoutLeadingSlash(const std::string& frame);
 /// Throws std::invalid_argument when the quaternion is not of unit length (to 1 %) or a value is not finite.
 Rigid3 FromPoseMsg(const geometry_msgs::Pose& pose);
 Rigid3 FromTransformMsg(const geometry_msgs::Transform& transform);
+
+/// T_target_source, where the transformations connect the two frames; empty where they do not, or a name is empty.
+/// `reason`, if given, is then told why not, if there is something to tell.
+std::optional<Rigid3> LookupTransform(const tf2::BufferCore& transforms, const std::string& target,
+                                      const std::string& source, std::string* reason = nullptr);
 
 /// ROS's covariance of the pose T_a_b: x, y, z, then rotations about the fixed axes of frame a, from the
 /// core's covariance of a right perturbation [rho; phi], T_a_b * Exp(xi), which lives in frame b. To first

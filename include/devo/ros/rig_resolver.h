@@ -67,7 +67,6 @@ class RigResolver {
   void Subscribe(CameraSource* source);
   void OnCameraInfo(CameraSource* source, const sensor_msgs::CameraInfo& info);
   void OnTransforms(const tf2_msgs::TFMessage& message);
-  std::optional<Rigid3> Lookup(const std::string& target, const std::string& source) const;
   bool NeedsExtrinsics() const { return need_.depth && config_.depth_apart(); }
   bool NeedsDepthCamera() const { return NeedsExtrinsics() && !config_.depth_from_lidar(); }
   std::string MissingCamera(const KnownTopics& known, const CameraSource& source) const;

@@ -17,8 +17,14 @@ from tf2_msgs.msg import TFMessage
 EVENT = numpy.dtype([("x", "<u2"), ("y", "<u2"), ("secs", "<u4"), ("nsecs", "<u4"), ("polarity", "u1")])
 PERIOD_NS = 2000000  # of messages: event_delta_t, event_message_time_threshold
 # The Kinect's IMU in the frame of its depth camera: x back, y left, z down.
-R_DEPTH_IMU = numpy.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]])
 Q_DEPTH_IMU = [-0.5, 0.5, 0.5, 0.5]
+
+
+def rotation_of(quaternion):
+    """Of x y z w."""
+    x, y, z, w = quaternion
+    cross = numpy.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return numpy.eye(3) + 2 * w * cross + 2 * cross @ cross
 
 
 def raw_type(name, md5):
@@ -88,14 +94,9 @@ class LiveSensors:
         self.events = numpy.concatenate(events)
         self.t_ns = self.events["secs"].astype(numpy.int64) * 10**9 + self.events["nsecs"]
 
-    def rotation_event_depth(self):
-        x, y, z, w = self.rig["T_event_depth"]["quaternion"]
-        cross = numpy.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        return numpy.eye(3) + 2 * w * cross + 2 * cross @ cross
-
     def of_the_kinect(self, message):
         """A sample in the event camera's frame as a sensor at its place, but turned as the Kinect's, would have it."""
-        turned = (self.rotation_event_depth() @ R_DEPTH_IMU).T
+        turned = (rotation_of(self.rig["T_event_depth"]["quaternion"]) @ rotation_of(Q_DEPTH_IMU)).T
         for vector in (message.angular_velocity, message.linear_acceleration):
             vector.x, vector.y, vector.z = turned @ numpy.array([vector.x, vector.y, vector.z])
         message.header.frame_id = "imu_link"
@@ -105,7 +106,7 @@ class LiveSensors:
         """base_link -> event camera, the Kinect's own tree and, on request, event camera -> depth camera as the rig has
         it. Poses are x y z qx qy qz qw."""
         rig = self.rig["T_event_depth"]
-        p_depth_imu = list(-self.rotation_event_depth().T @ numpy.array(rig["translation"]))
+        p_depth_imu = list(-rotation_of(rig["quaternion"]).T @ numpy.array(rig["translation"]))
         poses = [("base_link", self.event_frame, T_base_event), ("depth_camera_link", "imu_link", p_depth_imu + Q_DEPTH_IMU)]
         if connect_depth:
             poses.append((self.event_frame, "depth_camera_link", rig["translation"] + rig["quaternion"]))

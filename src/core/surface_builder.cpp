@@ -107,6 +107,7 @@ struct SurfaceBuilder::Impl {
 
   std::uint64_t UsefulEvents() const;
   void FilterNewEvents();
+  void NoteProgress(std::int64_t t_ns);
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   Vector6d ApparentVelocity(std::uint64_t first, std::int64_t t_ns);
   void RenderCompensated(const std::optional<Vector6d>& velocity_event, const SceneDepth& depth, Surface* surface);
@@ -139,7 +140,7 @@ struct SurfaceBuilder::Impl {
     std::uint64_t in, passed;
     bool knows_noise;
   };
-  std::vector<Progress> progress;  // one per surface, spanning the rate window: a few
+  std::vector<Progress> progress;  // one per surface or loss, spanning the rate window: a few
 
   cv::Mat1w accumulated, blurred, scratch;
   SignedCounts accumulated_sign;
@@ -199,6 +200,13 @@ void SurfaceBuilder::Insert(EventSpan events) {
   m.counters.in += events.size;
 }
 
+void SurfaceBuilder::OnLoss(std::int64_t t_ns) {
+  Impl& m = *impl_;
+  if (m.compensated) m.FilterNewEvents();
+  m.progress.clear();
+  m.NoteProgress(t_ns);
+}
+
 void SurfaceBuilder::Filter() {
   Impl& m = *impl_;
   if (!m.compensated || m.filtered_early >= m.UsefulEvents()) return;
@@ -256,9 +264,12 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
   pass_share = std::max(pass_share, 0.3);
 }
 
-void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
-  // When events come faster than surfaces use them, only some went through the filter: scale by the share.
+void SurfaceBuilder::Impl::NoteProgress(std::int64_t t_ns) {
   progress.push_back({t_ns, counters.in, compensated ? kept.end() : counters.in, !compensated || filter.knows_noise()});
+}
+
+void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
+  NoteProgress(t_ns);
   while (progress.size() > 2 && progress[1].t_ns <= t_ns - kRateWindow_ns) progress.erase(progress.begin());
   const Progress &a = progress.front(), &b = progress.back();
   const double span_s = std::max(SecondsFromNs(b.t_ns - a.t_ns), 0.5 / options.rate_hz);

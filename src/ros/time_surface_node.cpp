@@ -81,6 +81,7 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
         queued_events_ -= messages_.front().most_events;
         dropped_events_ += messages_.front().most_events;
         messages_.pop_front();
+        messages_.front().after_loss = true;
       }
     }
     worker_->Wake();
@@ -153,18 +154,12 @@ bool TimeSurfaceNode::OnPause(std_srvs::SetBool::Request& request, std_srvs::Set
 
 bool TimeSurfaceNode::Step() {
   try {
+    TakeRequests();
     TakeMessages();
     if (!builder_) DropBatches();
     if (batches_.empty()) return UseTheWait();
     Batch& batch = batches_.front();
-    const std::int64_t first_ns = batch.events[batch.next].t_ns;
-    if (batch.begins_epoch) {
-      BeginEpoch();
-      batch.begins_epoch = false;
-    }
-    // Surfaces lie on multiples of the period, as in the offline runner.
-    const bool silence = next_tick_ns_ != 0 && first_ns - inserted_ns_ > NsFromSeconds(kSilence_s);
-    if (next_tick_ns_ == 0 || silence) next_tick_ns_ = (first_ns / period_ns_ + 1) * period_ns_;
+    PrepareFor(&batch);
     const auto begin = batch.events.begin() + static_cast<std::ptrdiff_t>(batch.next);
     const auto until =
         std::partition_point(begin, batch.events.end(), [&](const Event& e) { return e.t_ns < next_tick_ns_; });
@@ -176,7 +171,7 @@ bool TimeSurfaceNode::Step() {
     }
     last_arrival_ = batch.arrival;
     if (batch.next == batch.events.size()) {
-      spare_ = std::move(batch.events);
+      Finish(std::move(batch));
       batches_.pop_front();
       return true;
     }
@@ -190,6 +185,18 @@ bool TimeSurfaceNode::Step() {
   }
 }
 
+void TimeSurfaceNode::PrepareFor(Batch* batch) {
+  const std::int64_t first_ns = batch->events[batch->next].t_ns;
+  if (std::exchange(batch->begins_epoch, false)) BeginEpoch();
+  if (std::exchange(batch->after_loss, false) && next_tick_ns_ != 0) {
+    SkipTo(TickAfter(first_ns));
+    builder_->OnLoss(first_ns);
+  }
+  // Surfaces lie on multiples of the period, as in the offline runner.
+  const bool silence = next_tick_ns_ != 0 && first_ns - inserted_ns_ > NsFromSeconds(kSilence_s);
+  if (next_tick_ns_ == 0 || silence) next_tick_ns_ = TickAfter(first_ns);
+}
+
 bool TimeSurfaceNode::UseTheWait() {
   if (!builder_ || next_tick_ns_ == 0) return false;
   // Drivers that cut their stream at multiples of the period would else have every surface wait for one more message.
@@ -201,52 +208,71 @@ bool TimeSurfaceNode::UseTheWait() {
   return false;
 }
 
-void TimeSurfaceNode::TakeMessages() {
-  std::deque<EventMessage> messages;
+void TimeSurfaceNode::TakeRequests() {
   bool reset = false;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_builder_) builder_ = std::move(new_builder_);
-    messages.swap(messages_);
-    burst_ = burst_ || queued_events_ > max_queued_events_ / 4;
-    queued_events_ = 0;
     std::swap(reset, reset_requested_);
     if (builder_) counters_ = builder_->counters();
     if (builder_ && std::exchange(options_changed_, false)) builder_->SetOptions(config_.odometry.surface);
   }
-  if (reset && builder_) {
-    batches_.clear();
-    BeginEpoch();
-  }
-  if (messages.empty() && batches_.empty() && burst_) ReturnMemory();
-  for (const EventMessage& message : messages) {
+  if (!reset || !builder_) return;
+  DropBatches();
+  BeginEpoch();
+}
+
+void TimeSurfaceNode::TakeMessages() {
+  while (std::optional<EventMessage> message = NextMessage()) {
     Batch batch;
-    batch.arrival = message.arrival;
+    batch.arrival = message->arrival;
+    batch.queued_as = message->most_events;
+    batch.after_loss = message->after_loss;
     batch.events = std::exchange(spare_, {});
     batch.events.clear();
-    message.append(&packets_, &batch.events);
+    try {
+      message->append(&packets_, &batch.events);
+    } catch (const std::exception&) {
+      Finish(std::move(batch));
+      throw;
+    }
     if (batch.events.empty()) {
       input_->ArrivedEmpty();
+      Finish(std::move(batch));
       continue;
     }
-    // Within a message stamps may go back a little, too.
-    if (!std::is_sorted(batch.events.begin(), batch.events.end(),
-                        [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; })) {
-      std::stable_sort(batch.events.begin(), batch.events.end(),
-                       [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
-    }
-    CountDropped(DropStrayEvents(reset_after_gap_s_, &batch.events));
-    const std::int64_t first_ns = batch.events.front().t_ns;
-    if (newest_event_ns_ != 0) {
-      // The whole message must be older: single events that are, the builder leaves out.
-      batch.begins_epoch = SecondsFromNs(batch.events.back().t_ns - newest_event_ns_) < -kBackwards_s ||
-                           SecondsFromNs(first_ns - newest_event_ns_) > reset_after_gap_s_;
-    }
-    newest_event_ns_ =
-        batch.begins_epoch ? batch.events.back().t_ns : std::max(newest_event_ns_, batch.events.back().t_ns);
-    input_->Arrived(first_ns);
-    batches_.push_back(std::move(batch));
+    Accept(std::move(batch));
   }
+  if (batches_.empty() && burst_) ReturnMemory();
+}
+
+std::optional<EventMessage> TimeSurfaceNode::NextMessage() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  burst_ = burst_ || queued_events_ > max_queued_events_ / 4;
+  // The rest waits as it came, where the oldest can be dropped at no cost.
+  if (messages_.empty() || decoded_events_ > max_queued_events_ / 2) return std::nullopt;
+  EventMessage message = std::move(messages_.front());
+  messages_.pop_front();
+  decoded_events_ += message.most_events;
+  return message;
+}
+
+void TimeSurfaceNode::Accept(Batch batch) {
+  // Within a message stamps may go back a little, too.
+  const auto earlier = [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; };
+  if (!std::is_sorted(batch.events.begin(), batch.events.end(), earlier)) {
+    std::stable_sort(batch.events.begin(), batch.events.end(), earlier);
+  }
+  CountDropped(DropStrayEvents(reset_after_gap_s_, &batch.events));
+  const std::int64_t first_ns = batch.events.front().t_ns, last_ns = batch.events.back().t_ns;
+  if (newest_event_ns_ != 0) {
+    // The whole message must be older: single events that are, the builder leaves out.
+    batch.begins_epoch = SecondsFromNs(last_ns - newest_event_ns_) < -kBackwards_s ||
+                         SecondsFromNs(first_ns - newest_event_ns_) > reset_after_gap_s_;
+  }
+  newest_event_ns_ = batch.begins_epoch ? last_ns : std::max(newest_event_ns_, last_ns);
+  input_->Arrived(first_ns);
+  batches_.push_back(std::move(batch));
 }
 
 void TimeSurfaceNode::ReturnMemory() {
@@ -257,9 +283,18 @@ void TimeSurfaceNode::ReturnMemory() {
 #endif
 }
 
+void TimeSurfaceNode::Finish(Batch batch) {
+  spare_ = std::move(batch.events);
+  decoded_events_ -= batch.queued_as;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  queued_events_ -= batch.queued_as;
+}
+
 void TimeSurfaceNode::DropBatches() {
-  for (const Batch& batch : batches_) CountDropped(batch.events.size());
-  batches_.clear();
+  for (; !batches_.empty(); batches_.pop_front()) {
+    CountDropped(batches_.front().events.size());
+    Finish(std::move(batches_.front()));
+  }
 }
 
 void TimeSurfaceNode::CountDropped(std::size_t events) {
@@ -281,6 +316,15 @@ void TimeSurfaceNode::BeginEpoch() {
   ROS_INFO_STREAM(private_nh_.getNamespace() << ": epoch " << epoch_ << " begins");
 }
 
+std::int64_t TimeSurfaceNode::TickAfter(std::int64_t t_ns) const { return (t_ns / period_ns_ + 1) * period_ns_; }
+
+void TimeSurfaceNode::SkipTo(std::int64_t tick_ns) {
+  const std::int64_t ticks = std::max<std::int64_t>(0, (tick_ns - next_tick_ns_) / period_ns_);
+  next_tick_ns_ += ticks * period_ns_;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  skipped_ += static_cast<std::uint64_t>(ticks);
+}
+
 bool TimeSurfaceNode::SkipWhenBehind() {
   // Only this epoch's events count: those of the next have times of their own.
   std::int64_t newest_ns = next_tick_ns_;
@@ -290,10 +334,7 @@ bool TimeSurfaceNode::SkipWhenBehind() {
   }
   const std::int64_t backlog_ns = newest_ns - next_tick_ns_;
   if (backlog_ns <= NsFromSeconds(max_backlog_s_)) return false;
-  const std::int64_t ticks = backlog_ns / 2 / period_ns_ + 1;
-  next_tick_ns_ += ticks * period_ns_;
-  const std::lock_guard<std::mutex> lock(mutex_);
-  skipped_ += static_cast<std::uint64_t>(ticks);
+  SkipTo(TickAfter(next_tick_ns_ + backlog_ns / 2));
   return true;
 }
 

@@ -304,6 +304,29 @@ TEST(CompensatedSurface, TellsAStandstillFromMotionByTheActivity) {
   }
 }
 
+TEST(CompensatedSurface, DoesNotTakeALossOfEventsForAStandstill) {
+  for (const bool told : {false, true}) {
+    SurfaceBuilder builder(TestCamera(), WithoutFilter());
+    const auto insert = [&](std::int64_t from_ns, std::int64_t until_ns) {
+      for (std::int64_t t_ns = from_ns; t_ns < until_ns; t_ns += 50'000) {
+        const auto i = static_cast<int>(t_ns / 50'000);
+        builder.Insert(std::vector<Event>{At(t_ns, 7 * i % kWidth, 50)});
+      }
+    };
+    SurfacePtr surface;
+    for (std::int64_t t_ns = 0; t_ns < 100'000'000; t_ns += 10'000'000) {
+      insert(t_ns, t_ns + 10'000'000);
+      surface = builder.Render(t_ns + 10'000'000, Vector6d::Zero(), {});
+    }
+    EXPECT_FALSE(surface->still);
+    if (told) builder.OnLoss(300'000'000);
+    insert(300'000'000, 310'000'000);
+    surface = builder.Render(310'000'000, Vector6d::Zero(), {});
+    EXPECT_EQ(surface->still, !told);
+    if (told) EXPECT_NEAR(surface->event_rate_hz, 20e3, 100);
+  }
+}
+
 TEST(CompensatedSurface, DoesNotTakeTheNoiseOfARecordingsFirstMomentsForMotion) {
   SurfaceBuilder builder(TestCamera(), SurfaceOptions());
   std::mt19937 random(3);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // When the nodelet renders a surface: with the message that completes its events, not later.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nodelet/loader.h>
 #include <ros/ros.h>
@@ -39,12 +40,16 @@ class DueSurface : public testing::Test {
  protected:
   DueSurface() {
     ros::param::set("/due_surface/config", ros::param::param<std::string>("~config", ""));
+    ros::param::set("/due_surface/max_queued_kevents", 10);
+    ros::param::set("/due_surface/max_backlog_s", 10.0);
     loaded_ = loader_.load("/due_surface", "devo/TimeSurface", {}, {});
-    subscriber_ = nh_.subscribe<Surface>(
-        topics::kSurface, 10,
-        boost::function<void(const boost::shared_ptr<const Surface>&)>(
-            [this](const boost::shared_ptr<const Surface>& surface) { surface_times_ns_.push_back(surface->t_ns); }));
-    publisher_ = nh_.advertise<EventArray>("/events", 10);
+    subscriber_ = nh_.subscribe<Surface>(topics::kSurface, 2000,
+                                         boost::function<void(const boost::shared_ptr<const Surface>&)>(
+                                             [this](const boost::shared_ptr<const Surface>& surface) {
+                                               surface_times_ns_.push_back(surface->t_ns);
+                                               event_rates_hz_.push_back(surface->event_rate_hz);
+                                             }));
+    publisher_ = nh_.advertise<EventArray>("/events", 2000);
     SpinUntil([&] { return publisher_.getNumSubscribers() > 0 && subscriber_.getNumPublishers() > 0; }, 10);
   }
   ~DueSurface() override { loader_.clear(); }
@@ -74,6 +79,7 @@ class DueSurface : public testing::Test {
   ros::Subscriber subscriber_;
   ros::Publisher publisher_;
   std::vector<std::int64_t> surface_times_ns_;
+  std::vector<double> event_rates_hz_;
 };
 
 TEST_F(DueSurface, ComesWithTheMessageThatEndsJustBeforeItsTime) {
@@ -85,6 +91,21 @@ TEST_F(DueSurface, ComesWithTheMessageThatEndsJustBeforeItsTime) {
     const std::int64_t end_ns = kBegin_ns + kPeriod_ns * (next + 1);
     ASSERT_TRUE(SpinUntil([&] { return surface_times_ns_.back() == end_ns; }, 3)) << "period " << next;
   }
+}
+
+TEST_F(DueSurface, OutOfAFullQueueTheOldestMessagesGoAndTheNewestStays) {
+  ASSERT_TRUE(loaded_);
+  const int step = StepAfterStart(20'000);
+  ASSERT_GT(step, 0);
+  surface_times_ns_.clear();
+  event_rates_hz_.clear();
+  // Without tracking, each of the first surfaces waits for the pose of the one before; the queue holds 100 messages.
+  constexpr int kMessages = 1000;
+  for (int next = step; next < step + kMessages; ++next) publisher_.publish(EventsOf(next, 20'000));
+  const std::int64_t end_ns = kBegin_ns + kPeriod_ns * (step + kMessages);
+  ASSERT_TRUE(SpinUntil([&] { return !surface_times_ns_.empty() && surface_times_ns_.back() == end_ns; }, 20));
+  EXPECT_THAT(surface_times_ns_.size(), testing::AllOf(testing::Ge(50U), testing::Lt(kMessages)));
+  EXPECT_THAT(event_rates_hz_, testing::Each(testing::Ge(5e3)));  // 10 kHz: a loss is no silence
 }
 
 TEST_F(DueSurface, WaitsForTheNextMessageWhenMoreEventsMayCome) {

@@ -32,6 +32,9 @@ class SurfaceBuilder {
   /// rates beyond what a surface uses only the newest are kept, so that the cost stays flat.
   void Insert(EventSpan events);
 
+  /// The events between the last one and `t_ns` were lost: no stillness of the scene is to be read from that.
+  void OnLoss(std::int64_t t_ns);
+
   /// Filters the events inserted so far, which Render else does first: that part needs no velocity and so need not wait
   /// for tracking. Called at most once between two surfaces, the surface is the same; called more often, while events
   /// come in, it is as long as they are no more than a surface uses.

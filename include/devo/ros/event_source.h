@@ -23,6 +23,7 @@ struct EventMessage {
   /// an encoding that is not known.
   std::function<void(EventPacketConverter* packets, std::vector<Event>* events)> append;
   ros::WallTime arrival;
+  bool after_loss = false;  ///< messages before it were dropped
 };
 
 struct EventMessageType;

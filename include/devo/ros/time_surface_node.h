@@ -29,7 +29,8 @@ namespace devo {
 
 /// Renders a surface whenever the events pass a multiple of the surface period, or end just before it. The velocity of
 /// the pose before flows back from tracking: a surface waits for it as long as tracking keeps up. When the backlog of
-/// events grows beyond `max_backlog_s`, surfaces are skipped (and counted), never the newest.
+/// events grows beyond `max_backlog_s`, surfaces are skipped, and when more than `max_queued_kevents` wait, the oldest
+/// messages are dropped undecoded: both are counted, never the newest.
 ///
 /// Owns the epoch: time going backwards, a gap of `reset_after_gap_s` or the service ~reset begin a new one, which
 /// every surface carries to the other modules.
@@ -43,6 +44,8 @@ class TimeSurfaceNode {
   struct Batch {
     std::vector<Event> events;  // ordered, not empty
     std::size_t next = 0;       // first event that is not inserted yet
+    std::size_t queued_as = 0;  // events, in queued_events_
+    bool after_loss = false;    // of messages before it
     bool begins_epoch = false;
     ros::WallTime arrival;
   };
@@ -57,14 +60,22 @@ class TimeSurfaceNode {
   // On the worker's thread.
   void OnPose(const boost::shared_ptr<const PoseEstimate>& estimate);
   bool Step();
+  /// The epoch and the tick that the batch's next event belongs to.
+  void PrepareFor(Batch* batch);
   /// With no events to insert: renders a surface that waits for none, else does ahead what the next one will need.
   bool UseTheWait();
+  void TakeRequests();
   void TakeMessages();
+  std::optional<EventMessage> NextMessage();  ///< none, too, while enough are decoded
+  void Accept(Batch batch);
+  void Finish(Batch batch);  ///< has its place in the queue back
   void DropBatches();
   void CountDropped(std::size_t events);
   /// To the system, what queues took that are empty now: the allocator would keep it.
   void ReturnMemory();
   void BeginEpoch();
+  std::int64_t TickAfter(std::int64_t t_ns) const;
+  void SkipTo(std::int64_t tick_ns);  ///< counts the surfaces in between
   bool SkipWhenBehind();
   std::optional<Vector6d> AwaitVelocity();  ///< empty before the first pose
   void RenderTick();
@@ -79,7 +90,7 @@ class TimeSurfaceNode {
   // Shared between callbacks and worker.
   std::mutex mutex_;
   std::deque<EventMessage> messages_;
-  std::size_t queued_events_ = 0;
+  std::size_t queued_events_ = 0;  // in messages_ and batches_
   std::uint64_t dropped_events_ = 0;
   boost::shared_ptr<const SceneDepth> scene_depth_;
   std::unique_ptr<SurfaceBuilder> new_builder_;                       // from the rig, until the worker takes it
@@ -99,7 +110,8 @@ class TimeSurfaceNode {
   std::unique_ptr<SurfaceBuilder> builder_;
   EventPacketConverter packets_;
   std::deque<Batch> batches_;
-  std::vector<Event> spare_;  // memory for the next batch
+  std::size_t decoded_events_ = 0;  // in batches_
+  std::vector<Event> spare_;        // memory for the next batch
   boost::shared_ptr<const PoseEstimate> last_pose_;
   std::int64_t newest_event_ns_ = 0;
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event

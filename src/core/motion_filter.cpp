@@ -169,7 +169,8 @@ Matrix6d MotionFilter::PriorCovariance() const {
   return covariance;
 }
 
-void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information) {
+void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information,
+                          double variance_scale) {
   if (t_ns != t_ns_) Propagate(SecondsFromNs(t_ns - t_ns_));
   t_ns_ = t_ns;
   const Matrix6d P_pose = P_.topLeftCorner<6, 6>();
@@ -178,7 +179,7 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   // Conditioning on the pose: the rest of the state follows it as far as it is correlated with it.
   const Eigen::Matrix<double, kStates, 6> gain = P_.leftCols<6>() * P_pose_inverse;
   const Vector6d moved = Log(T_world_event_.inverse() * T_world_event);
-  NoteFit(moved, information);
+  NoteFit(moved, information, variance_scale);
   velocity_ += gain.middleRows<6>(kV) * moved;
   acceleration_ += gain.middleRows<6>(kA) * moved;
   gravity_world_ += gain.middleRows<3>(kGravity) * moved;
@@ -193,13 +194,16 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
-void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information) {
+void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information, double variance_scale) {
   turn_misfit_shown_ *= std::exp(-read_turn_s_ / kShowsMisfit_s);
   push_misfit_shown_ *= std::exp(-read_push_s_ / kShowsMisfit_s);
-  const auto note = [](const Eigen::Vector3d& by, const Eigen::Matrix3d& expected, double* read_s, double* misfit) {
+  // Noisy poses look like a bad sensor. But as long as it leads them, a bad one is why they match badly.
+  const double noise = 1 + (std::sqrt(std::max(1.0, variance_scale)) - 1) * (1 - gyroscope_trust());
+  const auto note = [noise](const Eigen::Vector3d& by, const Eigen::Matrix3d& expected, double* read_s,
+                            double* misfit) {
     const double span_s = std::exchange(*read_s, 0);
     if (span_s <= 0) return;
-    const double square = by.dot(expected.ldlt().solve(by)) / 3;
+    const double square = by.dot(expected.ldlt().solve(by)) / (3 * noise);
     const double times = std::min(square / kFittingSquare, kMaxTimes);
     const double now = times * Widening(*misfit);
     const double share = 1 - std::exp(-span_s / (now > *misfit ? kMisfitGrows_s : kMisfitFades_s));

@@ -439,7 +439,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());
     motion_.Update(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse(),
-                   A.transpose() * result.information * A / (scale * scale));
+                   A.transpose() * result.information * A / (scale * scale), AlignmentScale());
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;

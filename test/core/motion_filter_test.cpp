@@ -158,12 +158,17 @@ InertialMean ReadAt(double t) {
 
 using Reader = std::function<InertialMean(double)>;
 
+struct PoseNoise {
+  double sigma = 2e-5;  ///< m and rad
+  double variance_scale = 1;
+};
+
 /// Poses to a fiftieth of a millimetre and milliradian, stated five times as cautiously, as the alignment does whose
-/// edges err alike. With what the inertial sensor `read` between them for `seconds`, or without it. Poses come
-/// `delay_s` late.
-void Swing(double seconds, const Reader& read, double delay_s, MotionFilter* filter) {
+/// edges err alike; or with other noise. With what the inertial sensor `read` between them for `seconds`, or without
+/// it. Poses come `delay_s` late.
+void Swing(double seconds, const Reader& read, double delay_s, MotionFilter* filter, const PoseNoise& of_poses = {}) {
   std::mt19937 random(3);
-  std::normal_distribution<double> noise(0, 2e-5);
+  std::normal_distribution<double> noise(0, of_poses.sigma);
   const std::int64_t first = filter->time_ns() / kPeriod_ns + 1;
   for (std::int64_t k = first; k < first + static_cast<int>(100 * seconds); ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
@@ -175,7 +180,7 @@ void Swing(double seconds, const Reader& read, double delay_s, MotionFilter* fil
         Log(predicted.T_world_event.inverse() * SwingAt(SecondsFromNs(t_ns) - delay_s) * Exp(off));
     filter->Update(t_ns,
                    predicted.T_world_event * Exp(Vector6d((prior + information).inverse() * information * measured)),
-                   information);
+                   information, of_poses.variance_scale);
   }
 }
 
@@ -291,6 +296,18 @@ TEST(MotionFilter, GivesAnInertialSensorThatFitsItsFullSay) {
   EXPECT_NEAR(fit.force_m_s2, 9.8, 1);
   EXPECT_EQ(Complaint(fit), "");
   EXPECT_EQ(Swinging(1, false).inertial_fit().gyroscope, 0);
+}
+
+TEST(MotionFilter, DoesNotBlameAnInertialSensorForTheNoiseOfPosesWhereThatIsKnown) {
+  const auto fit = [](const Reader& read, const PoseNoise& noise) {
+    MotionFilter filter = SwingingWith(read, 0.01);
+    Swing(5, read, 0, &filter, noise);
+    return filter.inertial_fit().gyroscope;
+  };
+  // Three times the noise of the other tests.
+  EXPECT_TRUE(FitsNotAtAll(fit(ReadAt, {6e-5, 1})));
+  EXPECT_FALSE(FitsBadly(fit(ReadAt, {6e-5, 9})));
+  EXPECT_TRUE(FitsNotAtAll(fit(WithTurnsReversed, {6e-5, 9})));
 }
 
 TEST(MotionFilter, IsNotLedAstrayByAnInertialSensorThatContradictsThePoses) {

@@ -47,7 +47,9 @@ class MotionFilter {
 
   /// Takes the pose that maximises prior and measurement together, as the alignment that started from Predict(t_ns)
   /// found it, and the measurement's information on a right perturbation of it (without the prior).
-  void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information);
+  /// `variance_scale`: the squares of such measurements' errors, as they are seen, over what the information says; for
+  /// judging the inertial sensor only.
+  void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information, double variance_scale = 1);
 
   /// Which way is down, from the mean specific force (m/s^2, event frame) over `span_s` before: the longer, the less a
   /// change of velocity counts in it. To be called once, before Advance, which otherwise takes its first reading. A
@@ -105,7 +107,7 @@ class MotionFilter {
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
   Matrix6d PriorCovariance() const;
   /// `moved`: from the predicted pose to the measured one.
-  void NoteFit(const Vector6d& moved, const Matrix6d& information);
+  void NoteFit(const Vector6d& moved, const Matrix6d& information, double variance_scale);
   /// Without the accelerometer where that cannot be one in m/s^2.
   InertialMean Usable(InertialMean inertial, double dt_s);
   Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;

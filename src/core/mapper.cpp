@@ -64,6 +64,7 @@ void Mapper::Reset() {
   trackable_ = begin_chapter_ = false;
   map_.Clear();
   depth_keyframes_.Clear();
+  depth_of_rest_.Clear();
   depth_poses_.clear();
   depth_delay_s_ = 0;
   occluder_.reset();
@@ -150,6 +151,7 @@ void Mapper::ForgetSurfacesBefore(const SurfacePtr& surface) {
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
   changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
+  changed |= map_.empty() && BeginFromRest();
   ObserveBetweenDepths();
   return changed || ViewMoved() ? MakeLocalMap() : nullptr;
 }
@@ -163,7 +165,10 @@ bool Mapper::UpdateFromDepth() {
     AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
-    if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) changed |= Process(depth, surface);
+    if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
+      if (map_.empty() && surface->still) depth_of_rest_.Keep(depth, *surface);
+      changed |= Process(depth, surface);
+    }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
   }
@@ -180,6 +185,19 @@ void Mapper::AlignDepth(const DepthImage& depth) {
   pose->t_ns = depth.t_ns;
   pose->epoch = epoch_;
   depth_poses_.push_back(*pose);
+}
+
+bool Mapper::BeginFromRest() {
+  if (!options_.mapping.ideas.depth_of_rest) return false;
+  for (const SurfacePtr& surface : surfaces_) {
+    if (!depth_of_rest_.Fits(*surface, options_.surface.still_activity_hz)) continue;
+    const Counters counted = counters_;  // the image was, when it came
+    const bool begun = Process(*depth_of_rest_.depth(), surface);
+    counters_.depth_used = counted.depth_used;
+    counters_.depth_without_valid_pixel = counted.depth_without_valid_pixel;
+    if (begun) return true;
+  }
+  return false;
 }
 
 bool Mapper::UpdateFromSweeps() {

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <tuple>
 #include <vector>
 
@@ -108,6 +109,38 @@ TEST(Mapper, DoesNothingWithoutDepthOrWithoutSurfaces) {
   }
   EXPECT_EQ(only_depth.counters().depth_in, 50U);
   EXPECT_EQ(only_depth.counters().depth_used, 0U);
+}
+
+SurfacePtr SurfaceWithActivity(std::int64_t t_ns, const std::vector<EdgePoint>& edges, double activity_hz) {
+  auto surface = std::make_shared<Surface>(*SurfaceAt(t_ns, edges));
+  surface->activity_hz = activity_hz;
+  surface->still = activity_hz < SurfaceOptions().still_activity_hz;
+  return surface;
+}
+
+/// Surfaces from 100 ms to 400 ms, of which those after 300 ms show a motion, and one image of the beginning; the time
+/// of the first map.
+std::optional<std::int64_t> FirstMapAfterARest(const OdometryOptions& options) {
+  Mapper mapper(TestRig(), options);
+  mapper.AddDepth(Wall(100 * kMs));
+  for (std::int64_t t_ns = 100 * kMs; t_ns <= 400 * kMs; t_ns += 10 * kMs) {
+    const bool moves = t_ns > 300 * kMs;
+    mapper.AddSurface(SurfaceWithActivity(t_ns, Edges(moves ? 400 : 0, 16), moves ? 2.0 : 0.0));
+    if (const auto map = mapper.Update()) {
+      EXPECT_THAT(mapper.GlobalMap(), SizeIs(400));
+      EXPECT_EQ(mapper.counters().depth_used, 1U);
+      return map->t_ns;
+    }
+  }
+  return std::nullopt;
+}
+
+TEST(Mapper, BeginsWithTheDepthOfARestWhenTheCameraMovesUnlessThatIsSwitchedOff) {
+  OdometryOptions options;
+  // 2 Hz of 19200 pixels are 384 events in 10 ms, about one for each edge.
+  EXPECT_EQ(FirstMapAfterARest(options), 330 * kMs);
+  options.mapping.ideas.depth_of_rest = false;
+  EXPECT_EQ(FirstMapAfterARest(options), std::nullopt);
 }
 
 TEST(Mapper, MakesNoNewReferenceOfWhatTheMapExplains) {

@@ -12,6 +12,7 @@
 #include "devo/core/camera.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_keyframes.h"
+#include "devo/core/depth_of_rest.h"
 #include "devo/core/depth_pose.h"
 #include "devo/core/depth_registration.h"
 #include "devo/core/lidar_accumulator.h"
@@ -42,8 +43,8 @@ class Mapper {
   void AddSweep(LidarSweep sweep);
 
   /// Processes the depth images for which a surface at or after their time, and its pose, have come, and the sweeps,
-  /// which become depth images of the newest surface. Returns the local map when it changed (a new reference, or the
-  /// view has moved on), else null.
+  /// which become depth images of the newest surface. The first map may be of the depth of the rest before. Returns the
+  /// local map when it changed (a new reference, or the view has moved on), else null.
   LocalMapPtr Update();
 
   /// Where the camera was by the depth images that the last Update processed, if they say so; empties.
@@ -86,6 +87,8 @@ class Mapper {
   void ForgetSurfacesBefore(const SurfacePtr& surface);
   bool UpdateFromDepth();
   bool UpdateFromSweeps();
+  /// The first map, of the depth of the rest before the first motion.
+  bool BeginFromRest();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
   void AlignDepth(const DepthImage& depth);
   bool Process(const DepthImage& depth, const SurfacePtr& surface);
@@ -109,6 +112,7 @@ class Mapper {
   LidarAccumulator lidar_;
   ReferenceMap map_;
   DepthKeyframes depth_keyframes_;
+  DepthOfRest depth_of_rest_;
   std::vector<DepthPose> depth_poses_;
   std::deque<SurfacePtr> surfaces_;
   std::deque<DepthImage> depths_;

@@ -18,6 +18,7 @@ struct SurfaceIdeas {
 };
 
 struct MappingIdeas {
+  bool depth_of_rest = true;
   bool move_depth = true;
   bool hide_points = true;
   bool flying_pixels = true;
@@ -102,6 +103,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.clear_crests", surface.clear_crests,
         "a crest stands out from both its sides; false: any ridge is an edge");
   auto& mapping = o.mapping.ideas;
+  visit("ablation.depth_of_rest", mapping.depth_of_rest,
+        "the first map may be of the depth image of the rest before; false: it waits for one of the motion");
   visit("ablation.move_depth", mapping.move_depth,
         "depth images are moved to the surface's time; false: taken as if made then");
   visit("ablation.hide_points", mapping.hide_points,

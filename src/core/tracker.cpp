@@ -17,6 +17,8 @@ namespace {
 constexpr double kPointsPerMeasurement = 15;
 // That is so for surfaces this often. Of faster ones each shows mostly the events of those before it once more.
 constexpr double kUsualRate_hz = 100;
+// More points lie closer together on the same edges, and share their errors.
+constexpr double kUsualPoints = 2000;
 // An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
 // this many times less beside it, the less so the worse the sensor is.
 constexpr double kInertialCaution = 4;
@@ -415,7 +417,8 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
   const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
-  const double shared = std::max(1.0, options_.surface.rate_hz / kUsualRate_hz);
+  const double shared = std::max(1.0, options_.surface.rate_hz / kUsualRate_hz) *
+                        std::max(1.0, static_cast<double>(map_->points.size()) / kUsualPoints);
   const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * caution * shared);
   const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);

@@ -323,7 +323,9 @@ TEST(CompensatedSurface, DoesNotTakeALossOfEventsForAStandstill) {
     insert(300'000'000, 310'000'000);
     surface = builder.Render(310'000'000, Vector6d::Zero(), {});
     EXPECT_EQ(surface->still, !told);
-    if (told) EXPECT_NEAR(surface->event_rate_hz, 20e3, 100);
+    if (told) {
+      EXPECT_NEAR(surface->event_rate_hz, 20e3, 100);
+    }
   }
 }
 

@@ -78,6 +78,11 @@ class Record:
             rospy.Subscriber("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=None),
         ]
 
+    def close(self):
+        """No more of what they say is kept."""
+        for subscriber in self.subscribers:
+            subscriber.unregister()
+
     def _append(self, message, to):
         with self.lock:
             to.append(message)

@@ -22,6 +22,7 @@ from live_sensors import LiveSensors  # noqa: E402
 # The camera looks along x of the base, 0.3 m in front of it and 0.1 m above.
 T_BASE_EVENT = [0.3, 0.0, 0.1, -0.5, 0.5, -0.5, 0.5]
 INITIAL_POSE = [1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8]
+TRIES = 3
 
 
 def multiply(a, b):
@@ -62,6 +63,18 @@ class LiveTest(unittest.TestCase):
 
     def run_live(self, driver, arguments, overrides="", extrinsics="", **of_sensors):
         """What the nodelets published, and by how much its stamps are ahead of the recording's."""
+        for _ in range(TRIES):
+            record, shift_ns = self.try_live(driver, arguments, overrides, extrinsics, **of_sensors)
+            # The recording takes a second of wall time. A machine that is held up for as long leaves most of it out.
+            if len(record.odometry) > 60:
+                break
+        print("%s: %d poses, %s" % (driver, len(record.odometry), record.diagnostic("mapping: inputs")["message"]))
+        tracking = record.diagnostic(": tracking")
+        self.assertGreater(int(tracking["IMU samples accepted"]), 300, tracking)
+        self.assertGreater(len(record.odometry), 60)
+        return record, shift_ns
+
+    def try_live(self, driver, arguments, overrides, extrinsics, **of_sensors):
         sensors = LiveSensors(self.bag, self.config, driver, **of_sensors)
         sensors.publish_static(T_BASE_EVENT, connect_depth=not extrinsics)
         record = Record()
@@ -82,11 +95,7 @@ class LiveTest(unittest.TestCase):
         finally:
             launched.send_signal(signal.SIGINT)
             launched.wait()
-        print("%s: %d poses, %s" % (driver, len(record.odometry), record.diagnostic("mapping: inputs")["message"]))
-        tracking = record.diagnostic(": tracking")
-        self.assertGreater(int(tracking["IMU samples accepted"]), 300, tracking)
-        # A machine that is busy leaves surfaces out.
-        self.assertGreater(len(record.odometry), 60)
+            record.close()
         return record, shift_ns
 
     def error_of(self, name, odometries, shift_ns, T_child_event):

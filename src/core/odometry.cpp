@@ -68,10 +68,10 @@ struct Odometry::Impl {
   std::int64_t period_ns;
   std::int64_t next_ns = 0;  // time of the next surface; 0 before the first event
   SceneDepth scene_depth;
-  std::optional<Vector6d> velocity;       // for the next surface: of the pose of the last but one
-  std::optional<Vector6d> last_velocity;  // of the last pose taken
-  std::vector<ImuSample> imu;             // since the last surface
-  SurfacePtr surface;                     // the last one
+  std::optional<ExpectedMotion> motion;       // for the next surface: of the pose of the last but one
+  std::optional<ExpectedMotion> last_motion;  // of the last pose taken
+  std::vector<ImuSample> imu;                 // since the last surface
+  SurfacePtr surface;                         // the last one
   std::shared_future<Tracked> tracked;
   std::deque<std::future<Mapped>> mapped;  // of the last surfaces, oldest first
   Mapper::Counters mapper_counters;
@@ -109,11 +109,11 @@ void Odometry::AddEvents(EventSpan events) {
 void Odometry::Step() {
   Impl& m = *impl_;
   const Stopwatch rendering;  // beside the tracking of the surface before
-  SurfacePtr surface = m.surfaces.Render(m.next_ns, m.velocity, m.scene_depth);
+  SurfacePtr surface = m.surfaces.Render(m.next_ns, m.motion, m.scene_depth);
   m.timings.surface_ms.push_back(rendering.ms());
   m.next_ns += m.period_ns;
   TakePose();
-  m.velocity = m.last_velocity;
+  m.motion = m.last_motion;
   TakeMaps(kMapDelay);
   for (const ImuSample& sample : m.imu) m.tracker.AddImu(sample);
   m.imu.clear();
@@ -140,8 +140,8 @@ void Odometry::TakePose() {
   if (!m.tracked.valid()) return;
   const Tracked tracked = std::exchange(m.tracked, {}).get();
   m.timings.tracking_ms.push_back(tracked.ms);
-  m.last_velocity.reset();
-  if (tracked.pose) m.last_velocity = tracked.pose->velocity_event;
+  m.last_motion.reset();
+  if (tracked.pose) m.last_motion.emplace(tracked.pose->velocity_event, tracked.pose->velocity_of_poses);
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
 }
 

@@ -24,6 +24,7 @@ namespace {
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
 constexpr std::size_t kSightings = 12000;   // a sample of the events tells how the image moves
+constexpr std::size_t kBeside = 6000;       // and fewer, by how much that differs from what was expected
 constexpr std::size_t kAhead = 64;          // events: about the time that memory takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
@@ -109,8 +110,11 @@ struct SurfaceBuilder::Impl {
   void FilterNewEvents();
   void NoteProgress(std::int64_t t_ns);
   void MeasureRates(std::int64_t t_ns, Surface* surface);
-  Vector6d ApparentVelocity(std::uint64_t first, std::int64_t t_ns);
-  void RenderCompensated(const std::optional<Vector6d>& velocity_event, const SceneDepth& depth, Surface* surface);
+  void CollectSightings(std::uint64_t first, std::size_t most, std::int64_t t_ns, const Vector6d& velocity_event,
+                        double depth_m);
+  Vector6d VelocityFor(const std::optional<ExpectedMotion>& motion, std::uint64_t first, const SceneDepth& depth,
+                       const Surface& surface);
+  void RenderCompensated(const std::optional<ExpectedMotion>& motion, const SceneDepth& depth, Surface* surface);
   std::uint64_t FirstKeptSince(std::int64_t oldest_ns) const;
   void Accumulate(std::uint64_t first, std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& depth);
 
@@ -215,7 +219,7 @@ void SurfaceBuilder::Filter() {
   m.filtered_early += m.looked_at - before;
 }
 
-SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const std::optional<Vector6d>& velocity_event,
+SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const std::optional<ExpectedMotion>& motion,
                                   const SceneDepth& scene_depth) {
   Impl& m = *impl_;
   auto surface = m.pool.Take();
@@ -226,7 +230,7 @@ SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const std::optional<Vector6
     m.FilterNewEvents();
     m.filtered_early = 0;
     m.MeasureRates(t_ns, surface.get());
-    m.RenderCompensated(velocity_event, scene_depth, surface.get());
+    m.RenderCompensated(motion, scene_depth, surface.get());
   } else {
     m.MeasureRates(t_ns, surface.get());
     m.plain->Render(surface.get());
@@ -292,21 +296,49 @@ std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const
   return before;
 }
 
-Vector6d SurfaceBuilder::Impl::ApparentVelocity(std::uint64_t first, std::int64_t t_ns) {
-  Vector6d velocity = Vector6d::Zero();
-  if (!options.ideas.find_turn) return velocity;
+/// The turn that moves the image as this velocity does where things are that far away; 0: at infinity.
+Eigen::Vector3d AsTurn(const Vector6d& velocity_event, double depth_m) {
+  Eigen::Vector3d turn = velocity_event.tail<3>();
+  if (depth_m > 0) turn += Eigen::Vector3d(-velocity_event.y(), velocity_event.x(), 0) / depth_m;
+  return turn;
+}
+
+/// What the camera sees at `t_ns` of at most so many of the events, were everything that far away.
+void SurfaceBuilder::Impl::CollectSightings(std::uint64_t first, std::size_t most, std::int64_t t_ns,
+                                            const Vector6d& velocity_event, double depth_m) {
   sightings.clear();
-  const std::uint64_t step = (kept.end() - first) / kSightings + 1;
+  const std::uint64_t step = (kept.end() - first) / most + 1;
+  const Eigen::Vector3d w = velocity_event.tail<3>();
+  const Eigen::Vector3d v = depth_m > 0 ? Eigen::Vector3d(velocity_event.head<3>() / depth_m) : Eigen::Vector3d::Zero();
   for (std::uint64_t i = first; i < kept.end(); i += step) {
     const RayEvent& event = kept[i];
-    const auto t_s = static_cast<float>(SecondsFromNs(event.t_ns() - t_ns));
-    sightings.push_back({t_s, event.ray_x, event.ray_y, event.polarity()});
+    const double t_s = SecondsFromNs(event.t_ns() - t_ns);
+    // The flow of a few pixels: to first order.
+    const Eigen::Vector3d ray(event.ray_x, event.ray_y, 1);
+    const Eigen::Vector3d then = ray + t_s * (v + w.cross(ray));
+    sightings.push_back({static_cast<float>(t_s), static_cast<float>(then.x() / then.z()),
+                         static_cast<float>(then.y() / then.z()), event.polarity()});
   }
-  velocity.tail<3>() = apparent_turn.Estimate(sightings);
+}
+
+Vector6d SurfaceBuilder::Impl::VelocityFor(const std::optional<ExpectedMotion>& motion, std::uint64_t first,
+                                           const SceneDepth& depth, const Surface& surface) {
+  Vector6d velocity = Vector6d::Zero();
+  if (!options.ideas.move_events) return velocity;
+  if (!motion) {
+    if (!options.ideas.find_turn) return velocity;
+    CollectSightings(first, kSightings, surface.t_ns, velocity, 0);
+    velocity.tail<3>() = apparent_turn.Estimate(sightings);
+    return velocity;
+  }
+  velocity = motion->velocity_event;
+  if (!motion->of_poses || surface.still || !options.ideas.refine_turn) return velocity;
+  CollectSightings(first, kBeside, surface.t_edges_ns, velocity, depth.median_m);
+  velocity.tail<3>() += apparent_turn.Beside(sightings, AsTurn(velocity, depth.median_m));
   return velocity;
 }
 
-void SurfaceBuilder::Impl::RenderCompensated(const std::optional<Vector6d>& velocity_event, const SceneDepth& depth,
+void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>& motion, const SceneDepth& depth,
                                              Surface* surface) {
   const std::int64_t oldest_ns = surface->t_ns - NsFromSeconds(options.max_window_s);
   const std::uint64_t first = FirstKeptSince(oldest_ns);
@@ -318,8 +350,7 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<Vector6d>& velo
     for (std::size_t i = 0; i < count; ++i) age_sum_ns += surface->t_ns - events[i].t_ns();
   });
   if (surface->events_used && options.ideas.mean_time) surface->t_edges_ns -= age_sum_ns / surface->events_used;
-  Vector6d velocity = Vector6d::Zero();
-  if (options.ideas.move_events) velocity = velocity_event ? *velocity_event : ApparentVelocity(first, surface->t_ns);
+  const Vector6d velocity = VelocityFor(motion, first, depth, *surface);
   SceneDepth scene = depth;
   if (!options.ideas.depth_grid) scene.inverse_depth.release();
   Accumulate(first, surface->t_edges_ns, velocity, scene);

@@ -293,6 +293,7 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->T_world_event = held ? motion_.pose() : now.T_world_event;
   pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = SurfaceVelocity();
+  pose->velocity_of_poses = !FollowsInertial();
   pose->covariance_event = StatedCovariance(now);
 }
 

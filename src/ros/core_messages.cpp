@@ -174,6 +174,7 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
     WritePose(stream, earlier.T_world_event);
   }
   WriteMatrix(stream, estimate.velocity_event);
+  stream.next(static_cast<std::uint8_t>(estimate.velocity_of_poses));
   WriteMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
   stream.next(estimate.depth_delay_s);
@@ -198,6 +199,9 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   estimate.T_world_event_edges = ReadPose(stream);
   ReadEarlier(stream, estimate.earlier);
   ReadMatrix(stream, estimate.velocity_event);
+  std::uint8_t of_poses = 0;
+  stream.next(of_poses);
+  estimate.velocity_of_poses = of_poses != 0;
   ReadMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
   stream.next(estimate.depth_delay_s);

@@ -338,7 +338,7 @@ bool TimeSurfaceNode::SkipWhenBehind() {
   return true;
 }
 
-std::optional<Vector6d> TimeSurfaceNode::AwaitVelocity() {
+std::optional<ExpectedMotion> TimeSurfaceNode::AwaitMotion() {
   const auto answered = [this](std::int64_t t_ns) { return last_pose_ && last_pose_->t_ns >= t_ns; };
   if (last_surface_ns_ != 0 && unanswered_ < kMaxUnanswered) {
     const bool in_time =
@@ -348,18 +348,18 @@ std::optional<Vector6d> TimeSurfaceNode::AwaitVelocity() {
     unanswered_ = 0;
   }
   if (!last_pose_ || last_pose_->state == TrackingState::kInitialising) return std::nullopt;
-  return last_pose_->velocity_event;
+  return ExpectedMotion(last_pose_->velocity_event, last_pose_->velocity_of_poses);
 }
 
 void TimeSurfaceNode::RenderTick() {
-  const std::optional<Vector6d> velocity = AwaitVelocity();
+  const std::optional<ExpectedMotion> motion = AwaitMotion();
   boost::shared_ptr<const SceneDepth> depth;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     depth = scene_depth_;
   }
   const ros::WallTime begin = ros::WallTime::now();
-  const SurfacePtr surface = builder_->Render(next_tick_ns_, velocity, depth ? *depth : SceneDepth());
+  const SurfacePtr surface = builder_->Render(next_tick_ns_, motion, depth ? *depth : SceneDepth());
   const double render_ms = 1e3 * (ros::WallTime::now() - begin).toSec();
   last_surface_ns_ = surface->t_ns;
   next_tick_ns_ += period_ns_;

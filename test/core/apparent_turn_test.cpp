@@ -45,6 +45,17 @@ std::vector<Eigen::Vector3d> Points(double depth_m) {
   return points;
 }
 
+std::vector<Sighting> Noise(std::size_t count) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> x(-0.6F, 0.6F), y(-0.45F, 0.45F);
+  std::vector<Sighting> noise(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double share = static_cast<double>(i) / static_cast<double>(count);
+    noise[i] = {static_cast<float>(kSpan_s * (share - 1)), x(random), y(random), static_cast<int>(i % 2)};
+  }
+  return noise;
+}
+
 Vector6d Turning(double wx, double wy, double wz) {
   Vector6d velocity;
   velocity << 0, 0, 0, wx, wy, wz;
@@ -83,16 +94,7 @@ TEST(ApparentTurn, FollowsATurnThatGrowsWhileItIsNotSoughtAmongAll) {
 TEST(ApparentTurn, IsNoneForAStandingImageNoiseOrAHandfulOfEvents) {
   ApparentTurn apparent(TestCamera());
   EXPECT_EQ(apparent.Estimate(SightingsOf(Points(2), Turning(0, 0, 0))), Eigen::Vector3d::Zero());
-
-  std::mt19937 random(5);
-  std::uniform_real_distribution<float> x(-0.6F, 0.6F), y(-0.45F, 0.45F);
-  std::vector<Sighting> noise(8000);
-  for (std::size_t i = 0; i < noise.size(); ++i) {
-    noise[i] = {static_cast<float>(kSpan_s * (static_cast<double>(i) / 8000 - 1)), x(random), y(random),
-                static_cast<int>(i % 2)};
-  }
-  EXPECT_EQ(apparent.Estimate(noise), Eigen::Vector3d::Zero());
-
+  EXPECT_EQ(apparent.Estimate(Noise(8000)), Eigen::Vector3d::Zero());
   EXPECT_EQ(apparent.Estimate(SightingsOf({{0.1, 0.1, 1}, {0.2, -0.1, 1}}, Turning(0, 1, 0))), Eigen::Vector3d::Zero());
   EXPECT_EQ(apparent.Estimate({}), Eigen::Vector3d::Zero());
 }
@@ -106,6 +108,56 @@ TEST(ApparentTurn, IsNotTemptedAlongEdgesOfOneDirection) {
   const Eigen::Vector3d turn = apparent.Estimate(SightingsOf(upright, Turning(0, -1, 0)));
   EXPECT_NEAR(turn.y(), -1, 0.2);
   EXPECT_NEAR(turn.x(), 0, 0.2);
+}
+
+/// As seen at one common time, by what is believed of the motion; all things are 2 m away.
+std::vector<Sighting> MovedAlong(const Vector6d& believed, std::vector<Sighting> events) {
+  for (Sighting& event : events) {
+    const Eigen::Vector3d p = Exp(believed * (event.t_s + kSpan_s / 2)) * (2 * Eigen::Vector3d(event.x, event.y, 1));
+    event.x = static_cast<float>(p.x() / p.z());
+    event.y = static_cast<float>(p.y() / p.z());
+  }
+  return events;
+}
+
+TEST(ApparentTurn, FindsWhatABelievedMotionLacks) {
+  ApparentTurn apparent(TestCamera());
+  const Vector6d velocity = Turning(0.4, -0.8, 0.2);
+  const std::vector<Sighting> events = SightingsOf(Points(2), velocity);
+  for (const Vector6d& believed : {velocity, Turning(0.4, -0.3, 0.2), Turning(0.8, -0.8, 0), Turning(0, -1.2, 0.2)}) {
+    const Eigen::Vector3d turn = apparent.Beside(MovedAlong(believed, events), believed.tail<3>());
+    const Vector6d lacking = velocity - believed;
+    EXPECT_LT((turn - lacking.tail<3>()).norm(), 0.12) << turn.transpose() << ", not " << lacking.tail<3>().transpose();
+  }
+}
+
+TEST(ApparentTurn, StandsForTheTranslationThatABelievedMotionLacks) {
+  Vector6d velocity = Turning(0.3, 0, 0), believed = velocity;
+  velocity.head<3>() << 0.5, 0.2, 0;
+  believed.head<3>() << -0.3, 0.2, 0;
+  ApparentTurn apparent(TestCamera());
+  const Eigen::Vector3d turn = apparent.Beside(MovedAlong(believed, SightingsOf(Points(2), velocity)), {0.2, -0.15, 0});
+  EXPECT_LT((turn - Eigen::Vector3d(0, 0.4, 0)).norm(), 0.12) << turn.transpose();
+}
+
+TEST(ApparentTurn, FindsTheMotionAgainWhereWhatIsBelievedIsFarFromIt) {
+  const Vector6d velocity = Turning(0.2, 0.4, 0);
+  const std::vector<Sighting> events = SightingsOf(Points(2), velocity);
+  for (const Vector6d& believed : {Turning(0.2, 2.4, 0), Turning(-1.5, -1.5, 0.5)}) {
+    ApparentTurn apparent(TestCamera());
+    const Eigen::Vector3d turn = apparent.Beside(MovedAlong(believed, events), believed.tail<3>());
+    const Vector6d lacking = velocity - believed;
+    EXPECT_LT((turn - lacking.tail<3>()).norm(), 0.15) << turn.transpose() << ", not " << lacking.tail<3>().transpose();
+  }
+}
+
+TEST(ApparentTurn, AddsNothingToABelievedMotionForNoiseOrAHandfulOfEvents) {
+  ApparentTurn apparent(TestCamera());
+  const Eigen::Vector3d believed(0.1, 0.2, 0);
+  EXPECT_EQ(apparent.Beside(Noise(8000), believed), Eigen::Vector3d::Zero());
+  EXPECT_EQ(apparent.Beside(SightingsOf({{0.1, 0.1, 1}, {0.2, -0.1, 1}}, Turning(0, 1, 0)), believed),
+            Eigen::Vector3d::Zero());
+  EXPECT_EQ(apparent.Beside({}, believed), Eigen::Vector3d::Zero());
 }
 
 }  // namespace

@@ -80,13 +80,13 @@ struct MovingEdge {
   }
 };
 
-SurfacePtr SurfaceOf(const std::vector<Event>& events, const std::optional<Vector6d>& velocity, double median_m,
+SurfacePtr SurfaceOf(const std::vector<Event>& events, const std::optional<ExpectedMotion>& motion, double median_m,
                      const SurfaceOptions& options = WithoutFilter()) {
   SurfaceBuilder builder(TestCamera(), options);
   builder.Insert(events);
   SceneDepth depth;
   depth.median_m = median_m;
-  return builder.Render(kT_ns, velocity, depth);
+  return builder.Render(kT_ns, motion, depth);
 }
 
 /// Distances along the row from the crests (but those at the edge's ends) to the true edge at the surface's t_edges_ns.
@@ -242,6 +242,38 @@ TEST(CompensatedSurface, TakesCrestsInTextureForEdgesWhenTheirTestIsSwitchedOff)
   const std::size_t usual = SurfaceOf(events, Vector6d::Zero(), 0, options)->edges.size();
   options.ideas.clear_crests = false;
   EXPECT_GT(SurfaceOf(events, Vector6d::Zero(), 0, options)->edges.size(), usual + 100);
+}
+
+double MeanStrength(const Surface& surface) {
+  std::vector<double> strengths;
+  for (const EdgePoint& crest : surface.edges) strengths.push_back(crest.strength);
+  return Mean(strengths);
+}
+
+TEST(CompensatedSurface, IsSharpAlsoWherePosesTellItsVelocityWrongly) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0, 0));
+  const auto strength = [&](double wrong_rad_s, bool of_poses, const SurfaceOptions& options) {
+    SurfaceBuilder builder(TestCamera(), options);
+    for (int k = 15; k >= 5; --k) {  // until it is known how little noise there is
+      std::vector<Event> before;
+      for (int i = 0; i < 200; ++i) before.push_back(At(kT_ns - k * 10'000'000 - 10'000'000 + i * 50'000, 7 * i % kWidth, 5));
+      builder.Insert(before);
+      builder.Render(kT_ns - k * 10'000'000, Vector6d::Zero(), {});
+    }
+    builder.Insert(edge.Events());
+    SceneDepth depth;
+    depth.median_m = 2;
+    const Vector6d velocity = edge.velocity + Twist(0, 0, 0, 0, wrong_rad_s, 0);
+    return MeanStrength(*builder.Render(kT_ns, ExpectedMotion(velocity, of_poses), depth));
+  };
+  SurfaceOptions off = WithoutFilter();
+  off.ideas.refine_turn = false;
+  const double sharp = strength(0, false, WithoutFilter());
+  for (const double wrong_rad_s : {-1.5, -1.0, 1.0, 1.5}) {
+    EXPECT_GT(strength(wrong_rad_s, true, WithoutFilter()), 0.8 * sharp) << wrong_rad_s;
+    EXPECT_LT(strength(wrong_rad_s, true, off), 0.5 * sharp) << wrong_rad_s;
+    EXPECT_LT(strength(wrong_rad_s, false, WithoutFilter()), 0.5 * sharp) << wrong_rad_s;  // of a trusted sensor
+  }
 }
 
 TEST(CompensatedSurface, HasNoEdgesWithoutEvents) {

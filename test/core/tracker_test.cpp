@@ -433,6 +433,20 @@ TEST(Tracker, GivesTheNewestVelocityWithAnInertialSensorOrWhenItsMeanIsSwitchedO
   EXPECT_LT(std::abs(behind_m_s(true, true)), behind_m_s(true, false) - 0.01);
 }
 
+TEST(Tracker, SaysWhetherItsVelocityIsOfPosesAlone) {
+  for (const bool inertial : {false, true}) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 20; ++k) {
+      for (int i = -4; i <= 0 && inertial; ++i) tracker.AddImu(ReadAlongX(k * kPeriod_ns + i * kPeriod_ns / 5, 0));
+      pose = tracker.Track(Seen(k * kPeriod_ns, Rigid3()));
+    }
+    ASSERT_TRUE(pose);
+    EXPECT_EQ(pose->velocity_of_poses, !inertial);
+  }
+}
+
 TEST(Tracker, TakesAHandfulOfMatchesForNoPoseAndHoldsWhileItIsLost) {
   const auto tracker = Moving();
   auto few = std::make_shared<LocalMap>(*Map());

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// How the image moves before any pose is known, from the events alone: of all rotations the one that lets them fall on
-// the fewest places (contrast maximisation; Gallego, Rebecq, Scaramuzza, "A unifying contrast maximization framework
-// for event cameras", CVPR 2018). At one depth a translation moves an image nearly as some rotation does.
+// How the image moves, from the events alone: of all rotations the one that lets them fall on the fewest places (contrast
+// maximisation; Gallego, Rebecq, Scaramuzza, "A unifying contrast maximization framework for event cameras", CVPR 2018).
+// At one depth a translation moves an image nearly as some rotation does: that will do before any pose is known, and
+// mends a velocity that poses tell wrongly.
 #pragma once
 
 #include <cstddef>
@@ -31,19 +32,31 @@ class ApparentTurn {
   /// no rotation makes the image clearer than chance would.
   const Eigen::Vector3d& Estimate(const std::vector<Sighting>& events);
 
+  /// rad/s, event frame: by how much more the image turned than was believed. `events`: as above, but each moved already,
+  /// along the believed motion, to its ray at one common time. `believed`: the turn (rad/s, event frame) that moves the
+  /// image about as that motion does. It is sought near zero, near the last answer and near an image at rest; zero where
+  /// no such turn makes the image clearer.
+  Eigen::Vector3d Beside(const std::vector<Sighting>& events, const Eigen::Vector3d& believed);
+
   /// The next events are of another time.
   void Reset();
 
  private:
   /// The events of a span. A turn [rad/s] moves each by `move` times it, in squares of the image.
   struct Look {
-    Eigen::ArrayX2f at, move_x, move_y, move_z;
-    std::vector<int> polarity;
+    struct Image {
+      std::vector<float> u, v;
+    };
+    Image at, move_x, move_y, move_z;
+    std::vector<std::int32_t> polarity;
+    std::size_t padded = 0;    // events, and some outside the image: whole registers of them
     double squares_per_turn;  // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
     double none, sigma;  // pairs without a turn, and their standard deviation by chance
   };
   void LookAt(const std::vector<Sighting>& events, double span_s, double square_px, std::size_t most, Look* look);
+  /// Of each event, turned: twice its square and its polarity; beyond the last square where outside the image.
+  void FindSquares(const Look& look, const Eigen::Vector3d& turn);
   /// Of events of one polarity in one square.
   double Pairs(const Look& look, const Eigen::Vector3d& turn);
   /// These, less what a turn as fast has to be worth.
@@ -54,8 +67,8 @@ class ApparentTurn {
   float fx_, fy_, cx_, cy_;
   int width_, height_;
   Look glance_, look_, all_;
-  std::vector<std::uint16_t> counts_;
-  Eigen::ArrayX2f moved_;
+  std::vector<std::uint16_t> counts_;  // all zero between calls
+  std::vector<std::int32_t> squares_;  // of each event
   Eigen::Vector3d turn_ = Eigen::Vector3d::Zero();
   unsigned asked_ = 0;
 };

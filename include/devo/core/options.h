@@ -12,6 +12,7 @@ namespace devo {
 struct SurfaceIdeas {
   bool move_events = true;
   bool find_turn = true;
+  bool refine_turn = true;
   bool mean_time = true;
   bool depth_grid = true;
   bool clear_crests = true;
@@ -96,6 +97,9 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.find_turn", surface.find_turn,
         "as long as there is no pose, events are moved by the turn that makes the image clearest; false: not moved "
         "until then");
+  visit("ablation.refine_turn", surface.refine_turn,
+        "where poses alone tell the velocity, events are moved by the turn besides that makes the image clearest; false: by "
+        "that velocity");
   visit("ablation.mean_time", surface.mean_time,
         "events are moved to the mean of their times; false: to the surface's time");
   visit("ablation.depth_grid", surface.depth_grid,

@@ -18,6 +18,19 @@
 
 namespace devo {
 
+/// How the camera is expected to move while it sees the events of a surface.
+struct ExpectedMotion {
+  /// [v; omega], m/s and rad/s, of and in the event frame at the surface's time.
+  template <typename Derived>
+  ExpectedMotion(const Eigen::MatrixBase<Derived>& velocity, bool poses_alone = false)
+      : velocity_event(velocity), of_poses(poses_alone) {}
+
+  Vector6d velocity_event;
+  /// By nothing but poses: a wrong one smears the edges along itself, and the poses found in these confirm it. The
+  /// events are asked, too (ApparentTurn::Beside).
+  bool of_poses;
+};
+
 /// Not thread-safe; surfaces it returns are.
 class SurfaceBuilder {
  public:
@@ -41,9 +54,8 @@ class SurfaceBuilder {
   void Filter();
 
   /// The surface at `t_ns` from the events inserted so far (all should be before `t_ns`).
-  /// `velocity_event`: [v; omega], m/s and rad/s, of and in the event frame at `t_ns`; empty: not known, a rotation is
-  /// sought in the events instead (ApparentTurn).
-  SurfacePtr Render(std::int64_t t_ns, const std::optional<Vector6d>& velocity_event, const SceneDepth& scene_depth);
+  /// `motion`: empty where nothing is known of it; a rotation is sought in the events instead (ApparentTurn).
+  SurfacePtr Render(std::int64_t t_ns, const std::optional<ExpectedMotion>& motion, const SceneDepth& scene_depth);
 
   /// Forgets all events; surfaces made later carry the next epoch.
   void Reset();

@@ -19,6 +19,9 @@ constexpr double kPointsPerMeasurement = 15;
 constexpr double kUsualRate_hz = 100;
 // More points lie closer together on the same edges, and share their errors.
 constexpr double kUsualPoints = 2000;
+// A point takes so many events to place its edge. With fewer, edges are noise, and a velocity that follows it blurs the
+// next surfaces until any pose matches. At most this many times less they count.
+constexpr double kEventsPerPoint = 12, kFewestCount = 8;
 // An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
 // this many times less beside it, the less so the worse the sensor is.
 constexpr double kInertialCaution = 4;
@@ -47,8 +50,9 @@ constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not t
 constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
-// Of variances: without an inertial sensor the motion between depth images is known that much less than it seems.
-constexpr double kUnguided = 1.3;
+// Of variances: without an inertial sensor the motion between depth images is known a little better than it seems, as
+// what few events tell is counted cautiously.
+constexpr double kUnguided = 0.8;
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
@@ -410,6 +414,16 @@ bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_
   return wants;
 }
 
+double Tracker::PointsPerMeasurement(const Surface& surface) const {
+  const auto points = static_cast<double>(map_->points.size());
+  const double few = options_.tracking.ideas.weigh_events
+                         ? kEventsPerPoint * points / std::max(1.0, static_cast<double>(surface.events_used))
+                         : 1;
+  const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
+  return kPointsPerMeasurement * std::max(caution, std::min(few, kFewestCount)) *
+         std::max(1.0, options_.surface.rate_hz / kUsualRate_hz) * std::max(1.0, points / kUsualPoints);
+}
+
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // While lost, velocities are guesses: nothing is built on them. Those of an inertial sensor are not, for a while.
   const bool lost = state_ == TrackingState::kLost && !begun_;
@@ -417,10 +431,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   inertial_prior_ = (!lost || goes_on) && Advance(surface.t_edges_ns, &motion_);
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
-  const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
-  const double shared = std::max(1.0, options_.surface.rate_hz / kUsualRate_hz) *
-                        std::max(1.0, static_cast<double>(map_->points.size()) / kUsualPoints);
-  const double scale = kEdgeSigma_px * std::sqrt(kPointsPerMeasurement * caution * shared);
+  const double scale = kEdgeSigma_px * std::sqrt(PointsPerMeasurement(surface));
   const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {

@@ -64,6 +64,7 @@ inline Surface SegmentsSeen(const std::vector<MapPoint>& points, const Rigid3& T
     const Eigen::Vector2f along = (*v - *u).normalized().cast<float>();
     surface.edges.push_back({static_cast<float>(u->x()), static_cast<float>(u->y()), along.y(), -along.x(), 5, 0});
   }
+  surface.events_used = static_cast<std::uint32_t>(20 * points.size());
   surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
   BuildNearestEdgeField(surface.edges, radius_px, &surface.nearest_edge);
   return surface;

@@ -447,6 +447,30 @@ TEST(Tracker, SaysWhetherItsVelocityIsOfPosesAlone) {
   }
 }
 
+TEST(Tracker, FollowsEdgesOfFewEventsLessAndIsLessCertainUnlessThatIsSwitchedOff) {
+  // A camera at rest whose edges jump by 2 mm, about a pixel, for one surface.
+  const auto after_jump = [](std::uint32_t events, bool weigh) {
+    TrackingIdeas ideas;
+    ideas.weigh_events = weigh;
+    OdometryOptions options;
+    options.tracking.ideas = ideas;
+    Tracker tracker(TestCamera(), options);
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 50; ++k) {
+      Surface surface = Seen(k * kPeriod_ns, Rigid3::Translation({k == 50 ? 0.002 : 0, 0, 0}));
+      surface.events_used = events;
+      pose = tracker.Track(surface);
+    }
+    return *pose;
+  };
+  const PoseEstimate many = after_jump(50'000, true), few = after_jump(500, true), alike = after_jump(500, false);
+  EXPECT_LT(few.T_world_event.translation().x(), 0.9 * many.T_world_event.translation().x());
+  EXPECT_GT(few.covariance_event(0, 0), 1.5 * many.covariance_event(0, 0));
+  EXPECT_EQ(alike.T_world_event.translation(), many.T_world_event.translation());
+  EXPECT_EQ(alike.covariance_event, many.covariance_event);
+}
+
 TEST(Tracker, TakesAHandfulOfMatchesForNoPoseAndHoldsWhileItIsLost) {
   const auto tracker = Moving();
   auto few = std::make_shared<LocalMap>(*Map());

@@ -34,6 +34,7 @@ struct TrackingIdeas {
   bool match_polarity = true;
   bool visibility_weight = true;
   bool unmatched_cost = true;
+  bool weigh_events = true;
   bool motion_prior = true;
   bool mean_velocity = true;
   bool search = true;
@@ -131,6 +132,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points weigh as much as their motion should show; false: all alike");
   visit("ablation.unmatched_cost", tracking.unmatched_cost,
         "points without an edge cost as much as one at the truncation; false: nothing");
+  visit("ablation.weigh_events", tracking.weigh_events,
+        "poses of few events count less against the motion so far; false: as those of many");
   visit("ablation.motion_prior", tracking.motion_prior,
         "the prediction holds directions that the edges leave open; false: it is the start only");
   visit("ablation.mean_velocity", tracking.mean_velocity,

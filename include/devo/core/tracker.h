@@ -81,6 +81,8 @@ class Tracker {
   double AlignmentScale() const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
+  /// That err together, in an alignment to this surface.
+  double PointsPerMeasurement(const Surface& surface) const;
   void Register(const Surface& surface, PoseEstimate* pose);
   /// For an alignment whose information is `scale` squared times the filter's.
   PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;

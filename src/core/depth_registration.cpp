@@ -7,6 +7,7 @@
 #include <cstring>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "simd.h"
 
@@ -27,15 +28,22 @@ struct Neighbour {
   float dx, dy, z;
 };
 
+/// About exp(-2 share) for 0 to 1, which is not worth a call for each reading.
+double Weight(double share) {
+  double weight = 1 - 0.25 * share;
+  for (int k = 0; k < 3; ++k) weight *= weight;
+  return weight;
+}
+
 /// Inverse depth is linear in the image on a plane: weighted least squares of a + b dx + c dy, value at 0. The
 /// slope is regularised, so that one-sided readings are extrapolated only as far as they show a slope.
 float InterpolateOnPlane(const Neighbour* begin, const Neighbour* end, float radius) {
+  const double scale = 1.0 / radius;
   // Normal equations in scalars, which stay in registers: the sums over a handful of readings are all the cost.
   double a11 = 0, a12 = 0, a13 = 0, a22 = 0.5, a23 = 0, a33 = 0.5, b1 = 0, b2 = 0, b3 = 0;
   for (const Neighbour* n = begin; n != end; ++n) {
-    const double x = n->dx / radius, y = n->dy / radius;
-    const double weight = std::exp(-2.0 * (n->dx * n->dx + n->dy * n->dy) / (radius * radius));
-    const double wx = weight * x, wy = weight * y, w_inverse = weight / n->z;
+    const double x = n->dx * scale, y = n->dy * scale, weight = Weight(x * x + y * y);
+    const double wx = weight * x, wy = weight * y, w_inverse = weight * (1.0F / n->z);
     a11 += weight;
     a12 += wx;
     a13 += wy;
@@ -49,6 +57,23 @@ float InterpolateOnPlane(const Neighbour* begin, const Neighbour* end, float rad
   // Cramer's rule for the first unknown; the matrix is positive definite with half a unit on its diagonal.
   const double c1 = a22 * a33 - a23 * a23, c2 = a13 * a23 - a12 * a33, c3 = a12 * a23 - a13 * a22;
   return static_cast<float>((a11 * c1 + a12 * c2 + a13 * c3) / (b1 * c1 + b2 * c2 + b3 * c3));
+}
+
+/// The nearest cluster of readings that is more than a few flying pixels; empty where there is none. Sorts them, unless
+/// they are all of one surface. `end` stays that of all where nothing is behind the cluster.
+std::pair<const Neighbour*, const Neighbour*> Foreground(Neighbour* first, Neighbour* last, bool without_flying) {
+  const auto nearer = [](const Neighbour& a, const Neighbour& b) { return a.z < b.z; };
+  const auto [nearest, farthest] = std::minmax_element(first, last, nearer);
+  if (farthest->z - nearest->z < SurfaceGap(nearest->z)) return {first, last};  // then no two are farther apart
+  std::sort(first, last, nearer);
+  const std::ptrdiff_t enough = without_flying ? std::max<std::ptrdiff_t>(kMinReadings, (last - first) / 6) : 1;
+  const Neighbour* begin = first;
+  for (const Neighbour* end = first + 1; end <= last; ++end) {
+    if (end < last && end->z - (end - 1)->z < SurfaceGap(end->z)) continue;
+    if (end - begin >= enough) return {begin, end};
+    begin = end;
+  }
+  return {last, last};
 }
 
 /// Sets a square of kWidth x kWidth pixels; the fixed width makes each row a few plain stores.
@@ -237,37 +262,31 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
     }
   }
   if (count < kMinReadings) return std::nullopt;
-  std::sort(around.begin(), around.begin() + count, [](const Neighbour& a, const Neighbour& b) { return a.z < b.z; });
-
-  // The nearest cluster that is more than a few flying pixels is the foreground.
-  const std::size_t enough = options_.ideas.flying_pixels ? std::max<std::size_t>(kMinReadings, count / 6) : 1;
-  std::size_t begin = 0, end = 1;
-  for (; end <= count; ++end) {
-    if (end < count && around[end].z - around[end - 1].z < SurfaceGap(around[end].z)) continue;
-    if (end - begin >= enough) break;
-    begin = end;
-  }
-  if (end > count || end - begin < enough) return std::nullopt;
+  const auto [begin, end] = Foreground(around.data(), around.data() + count, options_.ideas.flying_pixels);
+  if (begin == end) return std::nullopt;
 
   int quadrants = 0;
-  float nearest2 = radius_px_ * radius_px_, mean = 0;
-  for (std::size_t i = begin; i < end; ++i) {
-    quadrants |= 1 << ((around[i].dx > 0) + 2 * (around[i].dy > 0));
-    nearest2 = std::min(nearest2, around[i].dx * around[i].dx + around[i].dy * around[i].dy);
-    mean += around[i].z / (end - begin);
+  float nearest2 = radius_px_ * radius_px_, sum = 0, least = begin->z, most = begin->z;
+  for (const Neighbour* n = begin; n != end; ++n) {
+    quadrants |= 1 << ((n->dx > 0) + 2 * (n->dy > 0));
+    nearest2 = std::min(nearest2, n->dx * n->dx + n->dy * n->dy);
+    sum += n->z;
+    least = std::min(least, n->z);
+    most = std::max(most, n->z);
   }
+  const float one_of = 1.0F / static_cast<float>(end - begin), mean = sum * one_of;
   const bool surrounded = (quadrants & (quadrants - 1)) != 0 && quadrants != 0b0011 && quadrants != 0b1100 &&
                           quadrants != 0b0101 && quadrants != 0b1010;
-  const bool silhouette = end < count;
+  const bool silhouette = end < around.data() + count;
   // Not surrounded, the edge is a silhouette (readings of the background beyond) or beside a hole.
   if (options_.ideas.surrounded_depth && !surrounded && nearest2 > 0.25F * radius_px_ * radius_px_ + 0.5F)
     return std::nullopt;
-  float variance = 0;
-  for (std::size_t i = begin; i < end; ++i) variance += (around[i].z - mean) * (around[i].z - mean) / (end - begin);
-  const float z = InterpolateOnPlane(&around[begin], around.data() + end, radius_px_);
+  float squares = 0;
+  for (const Neighbour* n = begin; n != end; ++n) squares += (n->z - mean) * (n->z - mean);
+  const float z = InterpolateOnPlane(begin, end, radius_px_);
   const float slack = SurfaceGap(mean);
-  if (!(z > around[begin].z - slack && z < around[end - 1].z + slack)) return std::nullopt;
-  return EdgeDepth{z, std::sqrt(variance / static_cast<float>(end - begin)) + 1e-4F, silhouette};
+  if (!(z > least - slack && z < most + slack)) return std::nullopt;
+  return EdgeDepth{z, std::sqrt(squares) * one_of + 1e-4F, silhouette};
 }
 
 SceneDepth DepthRegistration::MakeSceneDepth(std::int64_t t_ns) const {

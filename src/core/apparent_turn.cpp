@@ -126,7 +126,8 @@ void ApparentTurn::FindSquares(const Look& look, const Eigen::Vector3d& turn) {
   using cv::v_load, cv::v_setall_f32, cv::v_setall_s32;
   const auto x = v_setall_f32(static_cast<float>(turn.x())), y = v_setall_f32(static_cast<float>(turn.y())),
              z = v_setall_f32(static_cast<float>(turn.z())), zero = v_setall_f32(0);
-  const auto columns = v_setall_f32(static_cast<float>(look.columns)), rows = v_setall_f32(static_cast<float>(look.rows));
+  const auto columns = v_setall_f32(static_cast<float>(look.columns)),
+             rows = v_setall_f32(static_cast<float>(look.rows));
   const auto row_length = v_setall_s32(look.columns), none = v_setall_s32(look.columns * look.rows);
   squares_.resize(look.padded);
   for (std::size_t i = 0; i < look.padded; i += kAtOnce) {

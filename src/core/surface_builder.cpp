@@ -91,6 +91,13 @@ class Ring {
   std::uint64_t end_ = 0;
 };
 
+/// The turn that moves the image as this velocity does where things are that far away; 0: at infinity.
+Eigen::Vector3d AsTurn(const Vector6d& velocity_event, double depth_m) {
+  Eigen::Vector3d turn = velocity_event.tail<3>();
+  if (depth_m > 0) turn += Eigen::Vector3d(-velocity_event.y(), velocity_event.x(), 0) / depth_m;
+  return turn;
+}
+
 }  // namespace
 
 struct SurfaceBuilder::Impl {
@@ -294,13 +301,6 @@ std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const
     count = older ? count - half - 1 : half;
   }
   return before;
-}
-
-/// The turn that moves the image as this velocity does where things are that far away; 0: at infinity.
-Eigen::Vector3d AsTurn(const Vector6d& velocity_event, double depth_m) {
-  Eigen::Vector3d turn = velocity_event.tail<3>();
-  if (depth_m > 0) turn += Eigen::Vector3d(-velocity_event.y(), velocity_event.x(), 0) / depth_m;
-  return turn;
 }
 
 /// What the camera sees at `t_ns` of at most so many of the events, were everything that far away.

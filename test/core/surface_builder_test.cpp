@@ -256,7 +256,8 @@ TEST(CompensatedSurface, IsSharpAlsoWherePosesTellItsVelocityWrongly) {
     SurfaceBuilder builder(TestCamera(), options);
     for (int k = 15; k >= 5; --k) {  // until it is known how little noise there is
       std::vector<Event> before;
-      for (int i = 0; i < 200; ++i) before.push_back(At(kT_ns - k * 10'000'000 - 10'000'000 + i * 50'000, 7 * i % kWidth, 5));
+      for (int i = 0; i < 200; ++i)
+        before.push_back(At(kT_ns - k * 10'000'000 - 10'000'000 + i * 50'000, 7 * i % kWidth, 5));
       builder.Insert(before);
       builder.Render(kT_ns - k * 10'000'000, Vector6d::Zero(), {});
     }

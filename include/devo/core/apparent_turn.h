@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// How the image moves, from the events alone: of all rotations the one that lets them fall on the fewest places (contrast
-// maximisation; Gallego, Rebecq, Scaramuzza, "A unifying contrast maximization framework for event cameras", CVPR 2018).
-// At one depth a translation moves an image nearly as some rotation does: that will do before any pose is known, and
-// mends a velocity that poses tell wrongly.
+// How the image moves, from the events alone: of all rotations the one that lets them fall on the fewest places
+// (contrast maximisation; Gallego, Rebecq, Scaramuzza, "A unifying contrast maximization framework for event cameras",
+// CVPR 2018). At one depth a translation moves an image nearly as some rotation does: that will do before any pose is
+// known, and mends a velocity that poses tell wrongly.
 #pragma once
 
 #include <cstddef>
@@ -32,10 +32,10 @@ class ApparentTurn {
   /// no rotation makes the image clearer than chance would.
   const Eigen::Vector3d& Estimate(const std::vector<Sighting>& events);
 
-  /// rad/s, event frame: by how much more the image turned than was believed. `events`: as above, but each moved already,
-  /// along the believed motion, to its ray at one common time. `believed`: the turn (rad/s, event frame) that moves the
-  /// image about as that motion does. It is sought near zero, near the last answer and near an image at rest; zero where
-  /// no such turn makes the image clearer.
+  /// rad/s, event frame: by how much more the image turned than was believed. `events`: as above, but each moved
+  /// already, along the believed motion, to its ray at one common time. `believed`: the turn (rad/s, event frame) that
+  /// moves the image about as that motion does. It is sought near zero, near the last answer and near an image at rest;
+  /// zero where no such turn makes the image clearer.
   Eigen::Vector3d Beside(const std::vector<Sighting>& events, const Eigen::Vector3d& believed);
 
   /// The next events are of another time.
@@ -49,7 +49,7 @@ class ApparentTurn {
     };
     Image at, move_x, move_y, move_z;
     std::vector<std::int32_t> polarity;
-    std::size_t padded = 0;    // events, and some outside the image: whole registers of them
+    std::size_t padded = 0;   // events, and some outside the image: whole registers of them
     double squares_per_turn;  // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
     double none, sigma;  // pairs without a turn, and their standard deviation by chance

@@ -99,8 +99,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "as long as there is no pose, events are moved by the turn that makes the image clearest; false: not moved "
         "until then");
   visit("ablation.refine_turn", surface.refine_turn,
-        "where poses alone tell the velocity, events are moved by the turn besides that makes the image clearest; false: by "
-        "that velocity");
+        "where poses alone tell the velocity, events are moved by the turn besides that makes the image clearest; "
+        "false: by that velocity");
   visit("ablation.mean_time", surface.mean_time,
         "events are moved to the mean of their times; false: to the surface's time");
   visit("ablation.depth_grid", surface.depth_grid,

@@ -32,7 +32,7 @@ struct PoseEstimate {
   /// first. In place of all poses before, which this one does not follow from; else empty.
   std::vector<PoseHistory::Stamped> earlier;
   Vector6d velocity_event =
-      Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
+      Vector6d::Zero();            ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
   bool velocity_of_poses = false;  ///< it is known from poses alone: no inertial sensor knows better
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame
   /// By how much later than the other sensors events show a motion (latency of dark pixels), at least 0; 0 without an

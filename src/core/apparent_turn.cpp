@@ -13,7 +13,7 @@ constexpr std::size_t kLeastEvents = 500;
 constexpr std::size_t kAtOnce = 4;  // in a register
 // Among all turns it is sought in a moment so short that the image moves by some squares only.
 constexpr double kGlance_s = 0.012, kLook_s = 0.025, kAll_s = 1;
-constexpr std::size_t kInGlance = 2000, kInLook = 6000;  // events, at most
+constexpr std::size_t kInGlance = 2000, kInLook = ApparentTurn::kMostLookedAt;  // events, at most
 constexpr double kCoarse_px = 4, kFine_px = 2;
 constexpr double kLeastStep = 0.125;  // squares that the image moves
 constexpr double kFastest_rad_s = 6;
@@ -70,7 +70,7 @@ Eigen::Vector3d ApparentTurn::Beside(const std::vector<Sighting>& events, const 
   if (events.size() >= kLeastEvents) {
     LookAt(events, kAll_s, kFine_px, kInLook, &all_);
     Eigen::Vector3d start = beside;
-    double best = Sharpness(all_, start);
+    double best = all_.none;
     for (const Eigen::Vector3d& other : {Eigen::Vector3d(turn_ - believed), Eigen::Vector3d(-believed)}) {
       const double sharpness = Sharpness(all_, other);
       if (sharpness <= best) continue;
@@ -91,12 +91,12 @@ void ApparentTurn::LookAt(const std::vector<Sighting>& events, double span_s, do
       std::partition_point(events.begin(), events.end(), [&](const Sighting& event) { return event.t_s < since_s; });
   const auto step = (events.end() - begin) / static_cast<std::ptrdiff_t>(most) + 1;
   const auto count = (events.end() - begin + step - 1) / step;
-  look->padded = (static_cast<std::size_t>(count) + kAtOnce - 1) / kAtOnce * kAtOnce;
+  const std::size_t padded = (static_cast<std::size_t>(count) + kAtOnce - 1) / kAtOnce * kAtOnce;
   for (auto* image : {&look->at, &look->move_x, &look->move_y, &look->move_z}) {
-    image->u.assign(look->padded, 0);
-    image->v.assign(look->padded, 0);
+    image->u.assign(padded, 0);
+    image->v.assign(padded, 0);
   }
-  look->polarity.assign(look->padded, 0);
+  look->polarity.assign(padded, 0);
   const float sx = fx_ / static_cast<float>(square_px), sy = fy_ / static_cast<float>(square_px);
   const float middle_s = 0.5F * (begin->t_s + events.back().t_s);
   const auto set = [](Look::Image* image, std::size_t i, float u, float v) {
@@ -114,7 +114,7 @@ void ApparentTurn::LookAt(const std::vector<Sighting>& events, double span_s, do
     set(&look->move_z, i, -dt_s * sx * y, dt_s * sy * x);
     look->polarity[i] = event.polarity;
   }
-  for (std::size_t i = static_cast<std::size_t>(count); i < look->padded; ++i) set(&look->at, i, -1, -1);
+  for (std::size_t i = static_cast<std::size_t>(count); i < padded; ++i) set(&look->at, i, -1, -1);
   look->squares_per_turn = sx * std::max(1e-3, static_cast<double>(events.back().t_s - begin->t_s));
   look->columns = static_cast<int>(width_ / square_px) + 1;
   look->rows = static_cast<int>(height_ / square_px) + 1;
@@ -129,8 +129,8 @@ void ApparentTurn::FindSquares(const Look& look, const Eigen::Vector3d& turn) {
   const auto columns = v_setall_f32(static_cast<float>(look.columns)),
              rows = v_setall_f32(static_cast<float>(look.rows));
   const auto row_length = v_setall_s32(look.columns), none = v_setall_s32(look.columns * look.rows);
-  squares_.resize(look.padded);
-  for (std::size_t i = 0; i < look.padded; i += kAtOnce) {
+  squares_.resize(look.polarity.size());
+  for (std::size_t i = 0; i < squares_.size(); i += kAtOnce) {
     const auto u = v_load(&look.at.u[i]) + x * v_load(&look.move_x.u[i]) + y * v_load(&look.move_y.u[i]) +
                    z * v_load(&look.move_z.u[i]);
     const auto v = v_load(&look.at.v[i]) + x * v_load(&look.move_x.v[i]) + y * v_load(&look.move_y.v[i]) +

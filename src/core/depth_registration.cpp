@@ -7,7 +7,6 @@
 #include <cstring>
 #include <sstream>
 #include <stdexcept>
-#include <utility>
 
 #include "simd.h"
 
@@ -59,21 +58,28 @@ float InterpolateOnPlane(const Neighbour* begin, const Neighbour* end, float rad
   return static_cast<float>((a11 * c1 + a12 * c2 + a13 * c3) / (b1 * c1 + b2 * c2 + b3 * c3));
 }
 
-/// The nearest cluster of readings that is more than a few flying pixels; empty where there is none. Sorts them, unless
+/// Readings of one surface.
+struct Cluster {
+  const Neighbour *begin, *end;
+  float nearest_m, farthest_m;
+};
+
+/// The nearest cluster that is more than a few flying pixels; empty where there is none. Sorts the readings, unless
 /// they are all of one surface. `end` stays that of all where nothing is behind the cluster.
-std::pair<const Neighbour*, const Neighbour*> Foreground(Neighbour* first, Neighbour* last, bool without_flying) {
+Cluster Foreground(Neighbour* first, Neighbour* last, bool without_flying) {
   const auto nearer = [](const Neighbour& a, const Neighbour& b) { return a.z < b.z; };
   const auto [nearest, farthest] = std::minmax_element(first, last, nearer);
-  if (farthest->z - nearest->z < SurfaceGap(nearest->z)) return {first, last};  // then no two are farther apart
+  // Then no two are farther apart than readings of one surface.
+  if (farthest->z - nearest->z < SurfaceGap(nearest->z)) return {first, last, nearest->z, farthest->z};
   std::sort(first, last, nearer);
   const std::ptrdiff_t enough = without_flying ? std::max<std::ptrdiff_t>(kMinReadings, (last - first) / 6) : 1;
   const Neighbour* begin = first;
   for (const Neighbour* end = first + 1; end <= last; ++end) {
     if (end < last && end->z - (end - 1)->z < SurfaceGap(end->z)) continue;
-    if (end - begin >= enough) return {begin, end};
+    if (end - begin >= enough) return {begin, end, begin->z, (end - 1)->z};
     begin = end;
   }
-  return {last, last};
+  return {last, last, 0, 0};
 }
 
 /// Sets a square of kWidth x kWidth pixels; the fixed width makes each row a few plain stores.
@@ -262,17 +268,16 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
     }
   }
   if (count < kMinReadings) return std::nullopt;
-  const auto [begin, end] = Foreground(around.data(), around.data() + count, options_.ideas.flying_pixels);
+  const auto [begin, end, nearest_m, farthest_m] =
+      Foreground(around.data(), around.data() + count, options_.ideas.flying_pixels);
   if (begin == end) return std::nullopt;
 
   int quadrants = 0;
-  float nearest2 = radius_px_ * radius_px_, sum = 0, least = begin->z, most = begin->z;
+  float nearest2 = radius_px_ * radius_px_, sum = 0;
   for (const Neighbour* n = begin; n != end; ++n) {
     quadrants |= 1 << ((n->dx > 0) + 2 * (n->dy > 0));
     nearest2 = std::min(nearest2, n->dx * n->dx + n->dy * n->dy);
     sum += n->z;
-    least = std::min(least, n->z);
-    most = std::max(most, n->z);
   }
   const float one_of = 1.0F / static_cast<float>(end - begin), mean = sum * one_of;
   const bool surrounded = (quadrants & (quadrants - 1)) != 0 && quadrants != 0b0011 && quadrants != 0b1100 &&
@@ -285,7 +290,7 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
   for (const Neighbour* n = begin; n != end; ++n) squares += (n->z - mean) * (n->z - mean);
   const float z = InterpolateOnPlane(begin, end, radius_px_);
   const float slack = SurfaceGap(mean);
-  if (!(z > least - slack && z < most + slack)) return std::nullopt;
+  if (!(z > nearest_m - slack && z < farthest_m + slack)) return std::nullopt;
   return EdgeDepth{z, std::sqrt(squares) * one_of + 1e-4F, silhouette};
 }
 

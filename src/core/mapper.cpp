@@ -167,7 +167,7 @@ bool Mapper::UpdateFromDepth() {
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
       if (map_.empty() && surface->still) depth_of_rest_.Keep(depth, *surface);
-      changed |= Process(depth, surface);
+      changed |= Process(depth, surface, &counters_);
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
@@ -191,11 +191,8 @@ bool Mapper::BeginFromRest() {
   if (!options_.mapping.ideas.depth_of_rest) return false;
   for (const SurfacePtr& surface : surfaces_) {
     if (!depth_of_rest_.Fits(*surface, options_.surface.still_activity_hz)) continue;
-    const Counters counted = counters_;  // the image was, when it came
-    const bool begun = Process(*depth_of_rest_.depth(), surface);
-    counters_.depth_used = counted.depth_used;
-    counters_.depth_without_valid_pixel = counted.depth_without_valid_pixel;
-    if (begun) return true;
+    Counters again;  // the image was counted when it came
+    if (Process(*depth_of_rest_.depth(), surface, &again)) return true;
   }
   return false;
 }
@@ -212,7 +209,7 @@ bool Mapper::UpdateFromSweeps() {
     if (surface) ForgetSurfacesBefore(surface);
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
     if (depth) {
-      changed |= Process(*depth, surface);
+      changed |= Process(*depth, surface, &counters_);
     } else {
       ++counters_.depth_without_valid_pixel;
     }
@@ -234,7 +231,7 @@ std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface
   return lidar_depth_;
 }
 
-bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
+bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, Counters* of_depth) {
   Rigid3 T_world_event, T_surface_depthtime;
   if (!map_.empty()) {
     const auto T_world_surface = poses_.At(surface->t_edges_ns, 0.05), T_world_then = poses_.At(depth.t_ns, 0.05);
@@ -243,10 +240,10 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface) {
     if (options_.mapping.ideas.move_depth) T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
   }
   if (registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges) == 0) {
-    ++counters_.depth_without_valid_pixel;
+    ++of_depth->depth_without_valid_pixel;
     return false;
   }
-  ++counters_.depth_used;
+  ++of_depth->depth_used;
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
   scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
   if (options_.mapping.ideas.hide_points) {

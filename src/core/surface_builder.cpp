@@ -24,7 +24,6 @@ namespace {
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
 constexpr std::size_t kSightings = 12000;   // a sample of the events tells how the image moves
-constexpr std::size_t kBeside = 6000;       // and fewer, by how much that differs from what was expected
 constexpr std::size_t kAhead = 64;          // events: about the time that memory takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
@@ -333,7 +332,7 @@ Vector6d SurfaceBuilder::Impl::VelocityFor(const std::optional<ExpectedMotion>& 
   }
   velocity = motion->velocity_event;
   if (!motion->of_poses || surface.still || !options.ideas.refine_turn) return velocity;
-  CollectSightings(first, kBeside, surface.t_edges_ns, velocity, depth.median_m);
+  CollectSightings(first, ApparentTurn::kMostLookedAt, surface.t_edges_ns, velocity, depth.median_m);
   velocity.tail<3>() += apparent_turn.Beside(sightings, AsTurn(velocity, depth.median_m));
   return velocity;
 }

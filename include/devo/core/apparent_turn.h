@@ -21,6 +21,9 @@ class ApparentTurn {
  public:
   explicit ApparentTurn(const Camera& undistorted);
 
+  /// More events than this are not looked at; of more, a sample.
+  static constexpr std::size_t kMostLookedAt = 6000;
+
   /// An event: its time, its viewing ray (x, y, 1), 1 where the pixel turned brighter and 0 where darker.
   struct Sighting {
     float t_s, x, y;
@@ -48,9 +51,8 @@ class ApparentTurn {
       std::vector<float> u, v;
     };
     Image at, move_x, move_y, move_z;
-    std::vector<std::int32_t> polarity;
-    std::size_t padded = 0;   // events, and some outside the image: whole registers of them
-    double squares_per_turn;  // that the image moves over the span, of a turn of 1 rad/s
+    std::vector<std::int32_t> polarity;  // all: events, and some outside the image, to whole registers
+    double squares_per_turn;             // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
     double none, sigma;  // pairs without a turn, and their standard deviation by chance
   };

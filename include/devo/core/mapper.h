@@ -91,7 +91,8 @@ class Mapper {
   bool BeginFromRest();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
   void AlignDepth(const DepthImage& depth);
-  bool Process(const DepthImage& depth, const SurfacePtr& surface);
+  /// `of_depth`: where the image is counted.
+  bool Process(const DepthImage& depth, const SurfacePtr& surface, Counters* of_depth);
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   /// The map's points in a surface: which ones meet edges, and where. Returns those that are visible.
   std::vector<ReferenceMap::Visible> Observe(const Surface& surface, const Rigid3& T_world_event);

@@ -21,7 +21,7 @@ class RewrittenRecording : public ::testing::Test {
 
   /// The bag that a script makes of the sample.
   std::string Rewritten(const std::string& script, const std::string& arguments = "") const {
-    const std::string bag = folder_ + "/rewritten.bag";
+    std::string bag = folder_ + "/rewritten.bag";
     const std::string command = DEVO_SOURCE_DIR "/scripts/" + script + " " + sample_ + ".bag " + bag + " " + arguments;
     EXPECT_EQ(std::system(command.c_str()), 0);
     return bag;

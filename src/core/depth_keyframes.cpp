@@ -39,6 +39,7 @@ DepthKeyframes::DepthKeyframes(const Rig& rig, const MappingOptions& options)
 void DepthKeyframes::Clear() {
   keyframes_.clear();
   current_ = -1;
+  continuity_.Reset();
 }
 
 Rigid3 DepthKeyframes::WorldFromKeyframe(const Keyframe& keyframe, double delay_s) const {
@@ -102,6 +103,13 @@ void DepthKeyframes::Keep(DepthCells cells, const View& view) {
   }
   keyframes_.push_back({std::move(cells), view, calls_});
   current_ = static_cast<int>(keyframes_.size()) - 1;
+  continuity_.Reset();
+}
+
+DepthContinuity::Verdict DepthKeyframes::Judge(const Match& match, const DepthPose& pose, const View& view,
+                                               std::int64_t t_ns) {
+  if (match.keyframe != current_ || !view.trusted || !options_.ideas.depth_jumps) continuity_.Reset();
+  return continuity_.Judge({t_ns, view.T_world_event, pose.T_world_event, pose.information});
 }
 
 std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const View& view) {
@@ -116,8 +124,16 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   std::optional<DepthPose> pose;
   if (best.keyframe >= 0) {
     pose = MakePose(best, view);
+    const DepthContinuity::Verdict verdict = Judge(best, *pose, view, depth.t_ns);
+    if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;
     current_ = best.keyframe;
     keyframes_[static_cast<std::size_t>(current_)].last_used = calls_;
+    if (verdict == DepthContinuity::Verdict::kJumped) {
+      ++jumps_;
+      Clear();
+      best.keyframe = -1;
+      pose.reset();
+    }
   }
   if (view.trusted && (best.keyframe < 0 || best.result.overlap < kKeepOverlap) && now.median_m > 0) {
     Keep(std::move(now), view);

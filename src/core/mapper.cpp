@@ -180,6 +180,7 @@ void Mapper::AlignDepth(const DepthImage& depth) {
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
   if (!T_world_then) return;
   auto pose = depth_keyframes_.Align(depth, {*T_world_then, velocity_, depth_delay_s_, map_.chapter(), trackable_});
+  counters_.depth_jumps = depth_keyframes_.jumps();
   if (!pose) return;
   ++counters_.depth_aligned;
   pose->t_ns = depth.t_ns;

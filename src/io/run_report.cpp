@@ -114,6 +114,7 @@ std::string RunReport::ToJson() const {
   json["depth_frames"] = {{"in", counters.depth_in},
                           {"used", counters.depth_used},
                           {"aligned", counters.depth_aligned},
+                          {"jumps", counters.depth_jumps},
                           {"without_valid_pixel", counters.depth_without_valid_pixel},
                           {"skipped_by_rate", depth_skipped_by_rate},
                           {"unordered", depth_unordered}};

@@ -370,6 +370,7 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("points in the global map", global_map_.size());
   status.add("depth images used", counters_.depth_used);
   status.add("depth images aligned to earlier ones", counters_.depth_aligned);
+  status.add("times the depth camera began to see otherwise", counters_.depth_jumps);
   status.add("depth images without a valid pixel", counters_.depth_without_valid_pixel);
   status.add("depth images dropped", depth_dropped_);
   status.add("depth images refused", depth_refused_);

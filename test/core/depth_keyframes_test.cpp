@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/depth_keyframes.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -120,6 +121,24 @@ TEST(DepthKeyframes, AKeyframeOfAnotherChapterIsNotMet) {
   DepthKeyframes::View view = ViewAt(Rigid3());
   view.chapter = 1;
   EXPECT_FALSE(keyframes.Align(ImageAt(Rigid3()), view));
+}
+
+TEST(DepthKeyframes, WhereTheDepthCameraBeginsToSeeOtherwiseItIsFollowedFromThere) {
+  DepthKeyframes keyframes(DepthRig());
+  const Rigid3 otherwise = Exp((Vector6d() << -0.014, 0, 0, 0, 0.015, 0).finished());
+  double worst = 0;
+  int held_back = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Rigid3 truth = Rigid3::Translation({0.002 * i, 0, 0});
+    DepthImage image = ImageAt(i < 10 ? truth : truth * otherwise);
+    image.t_ns = 33'000'000 * i;
+    const auto pose = keyframes.Align(image, ViewAt(truth));
+    if (!pose) ++held_back;
+    if (pose) worst = std::max(worst, Log(truth.inverse() * pose->T_world_event).norm());
+  }
+  EXPECT_EQ(keyframes.jumps(), 1U);
+  EXPECT_EQ(held_back, 3) << "the first, the doubtful one and the new keyframe";
+  EXPECT_LT(worst, 4e-3);
 }
 
 TEST(DepthKeyframes, WhatADelayDoesIsTheDerivativeOfTheStatedPose) {

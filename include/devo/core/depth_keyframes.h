@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "devo/core/depth_alignment.h"
+#include "devo/core/depth_continuity.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_pose.h"
 #include "devo/core/options.h"
@@ -33,11 +34,13 @@ class DepthKeyframes {
   };
 
   /// Aligns an image to the keyframe that shows most of it, and keeps it when none shows enough. Empty where nothing
-  /// overlaps. `t_ns` and `epoch` of the result are the caller's to fill in. Throws std::invalid_argument when the
+  /// overlaps, or where the depth camera seems to see otherwise than before: then, once that is certain, all keyframes
+  /// are forgotten. `t_ns` and `epoch` of the result are the caller's to fill in. Throws std::invalid_argument when the
   /// image has not the depth camera's size.
   std::optional<DepthPose> Align(const DepthImage& depth, const View& view);
 
   std::size_t size() const { return keyframes_.size(); }
+  std::uint64_t jumps() const { return jumps_; }  ///< how often the depth camera began to see otherwise
   void Clear();
 
  private:
@@ -56,13 +59,15 @@ class DepthKeyframes {
   std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, const DepthCells& now, const View& view) const;
   DepthPose MakePose(const Match& match, const View& view) const;
   void Keep(DepthCells cells, const View& view);
+  DepthContinuity::Verdict Judge(const Match& match, const DepthPose& pose, const View& view, std::int64_t t_ns);
 
   DepthAligner aligner_;
   MappingOptions options_;
   Rigid3 T_event_depth_;
   std::deque<Keyframe> keyframes_;
   int current_ = -1;
-  std::uint64_t calls_ = 0;
+  std::uint64_t calls_ = 0, jumps_ = 0;
+  DepthContinuity continuity_;  // of the images compared with current_ while tracking is trusted
 };
 
 }  // namespace devo

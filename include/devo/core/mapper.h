@@ -74,6 +74,7 @@ class Mapper {
     std::uint64_t depth_in = 0;       ///< depth images or sweeps added
     std::uint64_t depth_used = 0;     ///< of these, met with a surface and a pose
     std::uint64_t depth_aligned = 0;  ///< images aligned to an earlier one
+    std::uint64_t depth_jumps = 0;    ///< how often the depth camera began to see otherwise than before
     std::uint64_t depth_without_valid_pixel = 0;
     std::uint64_t references = 0;
   };

@@ -27,6 +27,7 @@ struct MappingIdeas {
   bool drop_points = true;
   bool refine_points = true;
   bool spread_points = true;
+  bool depth_jumps = true;
 };
 
 struct TrackingIdeas {
@@ -124,6 +125,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points move towards the edges that they meet in other views; false: they stay as they were first seen");
   visit("ablation.spread_points", mapping.spread_points,
         "tracked points are spread over the image; false: drawn from all of it alike");
+  visit("ablation.depth_jumps", mapping.depth_jumps,
+        "a depth camera that begins to see otherwise is followed from there; false: it is believed as before");
   auto& tracking = o.tracking.ideas;
   visit("ablation.match_direction", tracking.match_direction, "points match edges of their direction; false: of any");
   visit("ablation.match_polarity", tracking.match_polarity,

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/depth_continuity.h"
+
+#include <algorithm>
+
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+constexpr int kMinSteps = 5;         // until it is known what is usual
+constexpr double kUsualShare = 0.1;  // of a step in its mean
+// Squares, over what is usual. Steps of real sensors, events in the dark and abrupt motion reach ten times that.
+constexpr double kJump = 25, kGoesOn = 9;
+constexpr double kLeastUsual = 1;
+constexpr double kMostOfUsual = 4;  // of a step in its mean, so that slips of the tracking do not make jumps usual
+// A camera that itself moved by so much otherwise than before may well have been tracked wrongly.
+constexpr double kSteadyShare = 1.0 / 16;
+
+double Square(const Vector6d& v, const Matrix6d& information) { return v.dot(information * v); }
+
+}  // namespace
+
+double DepthContinuity::Apart(const Image& image) const {
+  const Rigid3 tracked = last_->T_world_tracked.inverse() * image.T_world_tracked;
+  const Rigid3 seen = last_->T_world_depth.inverse() * image.T_world_depth;
+  return Square(Log(tracked.inverse() * seen), image.information);
+}
+
+double DepthContinuity::Unsteady(const Image& image) const {
+  const Rigid3 tracked = last_->T_world_tracked.inverse() * image.T_world_tracked;
+  const Rigid3 steady = Exp(velocity_ * SecondsFromNs(image.t_ns - last_->t_ns));
+  return Square(Log(steady.inverse() * tracked), image.information);
+}
+
+void DepthContinuity::Note(const Image& image, double apart) {
+  const double most = steps_ > 0 ? kMostOfUsual * std::max(kLeastUsual, usual_) : apart;
+  usual_ += (std::min(apart, most) - usual_) * std::max(kUsualShare, 1.0 / (1 + steps_));
+  ++steps_;
+  velocity_ = Log(last_->T_world_tracked.inverse() * image.T_world_tracked) / SecondsFromNs(image.t_ns - last_->t_ns);
+}
+
+DepthContinuity::Verdict DepthContinuity::Judge(const Image& image) {
+  Verdict verdict = Verdict::kSteady;
+  if (last_ && image.t_ns > last_->t_ns) {
+    const double apart = Apart(image), usual = std::max(kLeastUsual, usual_);
+    if (doubtful_) {
+      if (apart < kGoesOn * usual) verdict = Verdict::kJumped;
+      Reset();  // either way: what was usual is not any more
+    } else {
+      const bool unusual = steps_ >= kMinSteps && apart > kJump * usual;
+      doubtful_ = unusual && Unsteady(image) < kSteadyShare * apart;
+      if (doubtful_) verdict = Verdict::kDoubtful;
+      if (!doubtful_) Note(image, apart);
+    }
+  }
+  last_ = image;
+  return verdict;
+}
+
+}  // namespace devo

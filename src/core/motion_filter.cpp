@@ -112,7 +112,12 @@ void MotionFilter::SetMotion(const Vector6d& sigma_velocity) {
   P_.middleRows<12>(kV).setZero();
   P_.middleCols<12>(kV).setZero();
   P_.diagonal().segment<6>(kV) = sigma_velocity.cwiseAbs2();
-  P_.diagonal().segment<6>(kA) = Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
+  P_.diagonal().segment<6>(kA) = LiveliestVariance();
+  manoeuvre_.Reset();
+}
+
+Vector6d MotionFilter::LiveliestVariance() const {
+  return Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
 }
 
 MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
@@ -125,8 +130,7 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
   F.block<6, 6>(kV, kA) = dt_s * Matrix6d::Identity();
   F.block<6, 6>(kA, kA) = fade * Matrix6d::Identity();
   // Singer: the acceleration's variance is stationary, its density follows from the time it takes to fade.
-  const Vector6d variance = Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
-  const Vector6d q = 2 / kManeuver_s * variance;
+  const Vector6d q = 2 / kManeuver_s * manoeuvre_.variance_share() * LiveliestVariance();
   P_ = (F * P_ * F.transpose()).eval();
   const double d = dt_s, d2 = d * d, d3 = d2 * d, d4 = d3 * d, d5 = d4 * d;
   for (int i = 0; i < 6; ++i) {
@@ -191,7 +195,20 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   P_ -= drop;
   delay_s_ = StepDelay(delay_s_, gain.row(kDelay) * moved, options_.max_delay_s);
   P_(kDelay, kDelay) += (1 - kDelayDrop) * drop(kDelay, kDelay);
+  NoteManoeuvre(moved, P_pose - P_pose_after);
   P_ = (0.5 * (P_ + P_.transpose())).eval();
+}
+
+void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected) {
+  // An inertial sensor tells of accelerations before poses do.
+  if (!options_.ideas.calm_motion || reads_) return;
+  const double since_s = SecondsFromNs(t_ns_ - std::exchange(manoeuvre_ns_, t_ns_));
+  const double before = manoeuvre_.variance_share();
+  const Vector6d found = acceleration_.cwiseAbs2().cwiseQuotient(LiveliestVariance());
+  manoeuvre_.Note(since_s, NormalisedSquare(moved, expected) / 6,
+                  std::max(found.head<3>().mean(), found.tail<3>().mean()));
+  // So much more is possible than was when the acceleration was found.
+  P_.diagonal().segment<6>(kA) += std::max(0.0, manoeuvre_.variance_share() - before) * LiveliestVariance();
 }
 
 void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information, double variance_scale) {

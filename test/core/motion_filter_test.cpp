@@ -2,6 +2,7 @@
 #include "devo/core/motion_filter.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <random>
 #include <string>
@@ -59,6 +60,35 @@ TEST(MotionFilter, PredictsWithACovarianceThatGrowsWithTime) {
     for (int i = 0; i < 6; ++i) EXPECT_GT(after(i, i), before(i, i)) << periods << " periods, direction " << i;
     before = after;
   }
+}
+
+/// How far a camera may be from where it is predicted to be, 0.1 s after it moved as `pose_at` says for two seconds.
+double SpreadAfter(const std::function<Rigid3(std::int64_t)>& pose_at, bool calm_motion = true) {
+  TrackingOptions options;
+  options.ideas.calm_motion = calm_motion;
+  MotionFilter filter{options};
+  filter.Start(0, pose_at(0));
+  for (int k = 1; k <= 200; ++k) filter.Update(k * kPeriod_ns, pose_at(k * kPeriod_ns), 1e6 * Matrix6d::Identity());
+  return std::sqrt(filter.Predict(210 * kPeriod_ns).covariance.topLeftCorner<3, 3>().trace());
+}
+
+/// A quarter of a second forth, as long back.
+Rigid3 ShakenAt(std::int64_t t_ns) { return Exp(0.3 * std::sin(2 * M_PI * 2 * SecondsFromNs(t_ns)) * Twist()); }
+
+TEST(MotionFilter, PredictsACalmMotionMoreSurelyThanALivelyOne) {
+  EXPECT_LT(SpreadAfter(TrueAt), 0.4 * SpreadAfter(ShakenAt));
+  EXPECT_LT(SpreadAfter(TrueAt), 0.4 * SpreadAfter(TrueAt, false));
+  EXPECT_NEAR(SpreadAfter(ShakenAt), SpreadAfter(ShakenAt, false), 0.1 * SpreadAfter(ShakenAt));
+}
+
+TEST(MotionFilter, FollowsAMotionThatTurnsRoundAfterItWasCalm) {
+  const auto turned_at = [](std::int64_t t_ns) {
+    return t_ns <= 100 * kPeriod_ns ? TrueAt(t_ns) : TrueAt(100 * kPeriod_ns) * TrueAt(100 * kPeriod_ns - t_ns);
+  };
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, turned_at(0));
+  for (int k = 1; k <= 105; ++k) filter.Update(k * kPeriod_ns, turned_at(k * kPeriod_ns), 1e8 * Matrix6d::Identity());
+  EXPECT_LT((filter.velocity_event() + Twist()).norm(), 0.05) << "50 ms after it";
 }
 
 TEST(MotionFilter, PredictsWithoutChangingItself) {

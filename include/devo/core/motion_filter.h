@@ -16,6 +16,7 @@
 
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/inertial_fit.h"
+#include "devo/core/manoeuvre.h"
 #include "devo/core/options.h"
 #include "devo/core/rigid3.h"
 
@@ -106,6 +107,10 @@ class MotionFilter {
   Matrix Propagate(double dt_s);
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
   Matrix6d PriorCovariance() const;
+  /// Of the accelerations [a; alpha] that the options allow, squared.
+  Vector6d LiveliestVariance() const;
+  /// `moved`: from the predicted pose to the measured one; `expected`: what was stated of that.
+  void NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected);
   /// `moved`: from the predicted pose to the measured one.
   void NoteFit(const Vector6d& moved, const Matrix6d& information, double variance_scale);
   /// Without the accelerometer where that cannot be one in m/s^2.
@@ -114,6 +119,8 @@ class MotionFilter {
   Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
 
   TrackingOptions options_;
+  Manoeuvre manoeuvre_;
+  std::int64_t manoeuvre_ns_ = 0;  // of the pose that it was told of last
   bool started_ = false;
   std::int64_t t_ns_ = 0;
   Rigid3 T_world_event_;

@@ -36,6 +36,7 @@ struct TrackingIdeas {
   bool visibility_weight = true;
   bool unmatched_cost = true;
   bool weigh_events = true;
+  bool calm_motion = true;
   bool motion_prior = true;
   bool mean_velocity = true;
   bool search = true;
@@ -137,6 +138,9 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points without an edge cost as much as one at the truncation; false: nothing");
   visit("ablation.weigh_events", tracking.weigh_events,
         "poses of few events count less against the motion so far; false: as those of many");
+  visit("ablation.calm_motion", tracking.calm_motion,
+        "without an inertial sensor the prior takes a calm motion to stay calm; false: always as lively as options "
+        "allow");
   visit("ablation.motion_prior", tracking.motion_prior,
         "the prediction holds directions that the edges leave open; false: it is the start only");
   visit("ablation.mean_velocity", tracking.mean_velocity,

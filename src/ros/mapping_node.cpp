@@ -224,6 +224,12 @@ bool MappingNode::Step() {
       Publish(map);
     }
     PublishGlobalMap();
+    if (mapper_->counters().depth_jumps > counters_.depth_jumps) {
+      ROS_WARN_STREAM_THROTTLE(
+          1, private_nh_.getNamespace()
+                 << ": the depth camera sees the same scene otherwise from one "
+                    "image to the next (a correction of its own calibration); earlier images are forgotten");
+    }
     const std::lock_guard<std::mutex> lock(mutex_);
     counters_ = mapper_->counters();
     scene_depth_ = mapper_->scene_depth();

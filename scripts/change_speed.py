@@ -10,15 +10,14 @@ grow with the speed and its accelerations with the square, noise included; gravi
 from the ground truth (--ground-truth), which must be that of the IMU's frame; without it, the IMU is left out.
 The recording's events must be EventArrays.
 """
-import argparse
-import os
 import sys
 
 import numpy as np
 import rosbag
 import rospy
 
-from soak import Message
+import new_recording
+from raw_message import Message
 
 
 class Imu:
@@ -105,21 +104,18 @@ def write(source, target, clock, imu_topic, imu):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('source', help='bag')
-    parser.add_argument('target', help='bag that is written')
+    parser = new_recording.parser(__doc__)
     parser.add_argument('--speed', type=float, required=True, help='3: three times as fast; 0.5: half as fast')
     parser.add_argument('--imu', default='/imu', help='topic')
     parser.add_argument('--ground-truth', default='/ground_truth/pose', help="topic, PoseStamped of the IMU's frame")
     arguments = parser.parse_args()
     if not 0.05 <= arguments.speed <= 20:
         sys.exit(f'--speed {arguments.speed}: expected 0.05 to 20')
-    if os.path.exists(arguments.target):
-        sys.exit(f"'{arguments.target}' exists; expected the name of a new bag")
+    new_recording.expect_new(arguments.target)
     with rosbag.Bag(arguments.source) as source:
         topics = source.get_type_and_topic_info()[1]
-        if not any(value.msg_type.endswith('/EventArray') for value in topics.values()):
-            sys.exit(f"'{arguments.source}' holds no EventArray")
+        with_events = any(value.msg_type.endswith('/EventArray') for value in topics.values())
+        new_recording.expect_events(with_events, arguments.source)
         imu = Imu(source, arguments.imu, arguments.ground_truth, arguments.speed)
         if arguments.imu in topics and not imu.known:
             print(f"no poses on '{arguments.ground_truth}': '{arguments.imu}' is left out", file=sys.stderr)

@@ -10,14 +10,13 @@ real one of any length, whose drift shows, as it sees the same again and again.
 On the way back events come in the other order and with the other polarity. An IMU is left out: its bias would change its
 sign at each turn. The recording's events must be EventArrays.
 """
-import argparse
-import os
 import sys
 
 import rosbag
 import rospy
 
-from soak import Message
+import new_recording
+from raw_message import Message
 
 
 def load(bag):
@@ -65,20 +64,16 @@ def time_of(t_ns):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('source', help='bag')
-    parser.add_argument('target', help='bag that is written')
+    parser = new_recording.parser(__doc__)
     parser.add_argument('--legs', type=int, default=2, help='how many times the recording is seen; 2: there and back')
     parser.add_argument('--begin-with-back', action='store_true', help='the first leg is the way back')
     arguments = parser.parse_args()
     if not 1 <= arguments.legs <= 1000:
         sys.exit(f'--legs {arguments.legs}: expected 1 to 1000')
-    if os.path.exists(arguments.target):
-        sys.exit(f"'{arguments.target}' exists; expected the name of a new bag")
+    new_recording.expect_new(arguments.target)
     with rosbag.Bag(arguments.source) as source:
         messages, static, kinds = load(source)
-    if not any(len(message.events) for message in messages):
-        sys.exit(f"'{arguments.source}' holds no EventArray")
+    new_recording.expect_events(any(len(message.events) for message in messages), arguments.source)
     first = 1 if arguments.begin_with_back else 0
     with rosbag.Bag(arguments.target, 'w', compression='lz4') as target:
         write(messages, static, kinds, range(first, first + arguments.legs), target)

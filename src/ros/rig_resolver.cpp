@@ -41,7 +41,7 @@ void RigResolver::Start() {
   const bool needs_transforms = needs_extrinsics || !need_.base_frame.empty();
   const bool needs_imu = need_.imu && !config_.T_event_imu;
   // Through the frame of a depth camera that carries it; a LiDAR has no CameraInfo that would name its own.
-  const bool imu_by_depth = needs_imu && config_.T_event_depth && config_.depth_apart() && !config_.depth_from_lidar();
+  const bool imu_by_depth = needs_imu && config_.T_event_apart_depth() && !config_.depth_from_lidar();
   if (!event_.camera || ((needs_transforms || needs_imu) && event_.frame.empty())) Subscribe(&event_);
   const bool needs_depth_frame = imu_by_depth || (NeedsDepthCamera() && needs_extrinsics);
   if ((NeedsDepthCamera() && !depth_.camera) || (needs_depth_frame && depth_.frame.empty())) Subscribe(&depth_);

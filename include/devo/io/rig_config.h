@@ -56,6 +56,8 @@ struct RigConfig {
   bool depth_from_lidar() const { return !topics.points.empty(); }
   /// What measures depth has a place of its own, T_event_depth.
   bool depth_apart() const { return depth_from_lidar() || !registered; }
+  /// T_event_depth as configured, of what has a place of its own: an IMU may be attached to it.
+  std::optional<Rigid3> T_event_apart_depth() const { return depth_apart() ? T_event_depth : std::nullopt; }
 };
 
 /// Calls `visit(key, value&, min, max, meaning)` for numbers, `visit(key, string&, choices, meaning)` for

@@ -47,8 +47,7 @@ class RigResolver {
 
   /// With the frames as configured, else of the CameraInfos; empty while neither says.
   ImuSurroundings imu_surroundings() const {
-    return {config_.T_event_imu, event_.frame, config_.depth_apart() ? config_.T_event_depth : std::nullopt,
-            depth_.frame};
+    return {config_.T_event_imu, event_.frame, config_.T_event_apart_depth(), depth_.frame};
   }
 
   bool resolved() const { return resolved_; }

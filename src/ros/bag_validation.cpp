@@ -536,15 +536,23 @@ class Validator {
         "\n  imu: \"" + t.imu + "\"\n  ground_truth: \"" + t.ground_truth + "\"\n");
     if (t.event_camera_info.empty())
       Say("event_camera: {}   # width, height, fx, fy, cx, cy, distortion_model, distortion_coefficients\n");
-    if (lidar) {
-      if (topics_.count("/tf_static") == 0) Say("T_event_depth: {}  # 16 numbers: the LiDAR's pose\n");
-      return;
-    }
-    if (t.depth_camera_info.empty()) Say("depth_camera: {}   # the same\n");
-    if (FrameOf(t.events) == FrameOf(t.depth) && !FrameOf(t.depth).empty()) {
+    if (!lidar && t.depth_camera_info.empty()) Say("depth_camera: {}   # the same\n");
+    ProposePoses();
+  }
+
+  /// What neither the frames' names nor tf says.
+  void ProposePoses() {
+    const Topics& t = config_->topics;
+    const bool lidar = config_->depth_from_lidar(), tf = topics_.count("/tf_static") > 0;
+    const std::string events = FrameOf(t.events), imu = FrameOf(t.imu);
+    if (!lidar && !events.empty() && events == FrameOf(t.depth)) {
       Say("registered: true   # events and depth name the same frame\n");
-    } else if (topics_.count("/tf_static") == 0) {
-      Say("T_event_depth: {}  # 16 numbers, or `registered: true`\n");
+    } else if (!tf) {
+      Say(lidar ? "T_event_depth: {}  # 16 numbers: the LiDAR's pose\n"
+                : "T_event_depth: {}  # 16 numbers, or `registered: true`\n");
+    }
+    if (!tf && !imu.empty() && imu != events) {  // no frame: the event camera's
+      Say("T_event_imu: {}  # 16 numbers: the IMU's pose; without it, set `imu: \"\"`\n");
     }
   }
 

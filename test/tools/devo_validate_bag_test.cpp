@@ -15,6 +15,7 @@ namespace devo {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -49,6 +50,17 @@ TEST_F(DevoValidateBag, FindsTopicsByTheirTypeAndProposesAYaml) {
   const ProgramResult result = Run();
   EXPECT_THAT(result.out, AllOf(HasSubstr("  events: /events\n"), HasSubstr("  depth: /depth\n"),
                                 HasSubstr("ground_truth: \"/truth\"")));
+}
+
+TEST_F(DevoValidateBag, ProposesThePosesThatTheRecordingDoesNotTell) {
+  TinyRecording recording;
+  recording.AddImu();
+  for (auto& sample : recording.imu) sample.header.frame_id = "imu_link";
+  recording.Write(bag_);
+  EXPECT_THAT(Run().out, Not(AnyOf(HasSubstr("T_event_depth: {}"), HasSubstr("T_event_imu: {}"))));
+  recording.transforms.clear();
+  recording.Write(bag_);
+  EXPECT_THAT(Run().out, AllOf(HasSubstr("T_event_depth: {}"), HasSubstr("T_event_imu: {}")));
 }
 
 TEST_F(DevoValidateBag, SaysWhatToChange) {

@@ -141,7 +141,7 @@ void Odometry::TakePose() {
   const Tracked tracked = std::exchange(m.tracked, {}).get();
   m.timings.tracking_ms.push_back(tracked.ms);
   m.last_motion.reset();
-  if (tracked.pose) m.last_motion.emplace(tracked.pose->velocity_event, tracked.pose->velocity_of_poses);
+  if (tracked.pose) m.last_motion.emplace(*tracked.pose);
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
 }
 

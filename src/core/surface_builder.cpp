@@ -90,6 +90,17 @@ class Ring {
   std::uint64_t end_ = 0;
 };
 
+// Beyond that an acceleration is another one.
+constexpr double kLongestAhead_s = 0.05;
+
+/// Of and in the event frame: [v; omega], m/s and rad/s, at one time, and its change.
+struct Motion {
+  Vector6d velocity = Vector6d::Zero(), acceleration = Vector6d::Zero();
+
+  /// From the camera `since_s` after that time to the camera then.
+  Rigid3 Since(double since_s) const { return Exp(since_s * (velocity + 0.5 * since_s * acceleration)); }
+};
+
 /// The turn that moves the image as this velocity does where things are that far away; 0: at infinity.
 Eigen::Vector3d AsTurn(const Vector6d& velocity_event, double depth_m) {
   Eigen::Vector3d turn = velocity_event.tail<3>();
@@ -118,11 +129,11 @@ struct SurfaceBuilder::Impl {
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   void CollectSightings(std::uint64_t first, std::size_t most, std::int64_t t_ns, const Vector6d& velocity_event,
                         double depth_m);
-  Vector6d VelocityFor(const std::optional<ExpectedMotion>& motion, std::uint64_t first, const SceneDepth& depth,
-                       const Surface& surface);
+  Motion MotionFor(const std::optional<ExpectedMotion>& expected, std::uint64_t first, const SceneDepth& depth,
+                   const Surface& surface);
   void RenderCompensated(const std::optional<ExpectedMotion>& motion, const SceneDepth& depth, Surface* surface);
   std::uint64_t FirstKeptSince(std::int64_t oldest_ns) const;
-  void Accumulate(std::uint64_t first, std::int64_t t_ns, const Vector6d& velocity_event, const SceneDepth& depth);
+  void Accumulate(std::uint64_t first, std::int64_t t_ns, const Motion& motion, const SceneDepth& depth);
 
   SurfaceOptions options;
   Camera camera, undistorted;
@@ -320,21 +331,27 @@ void SurfaceBuilder::Impl::CollectSightings(std::uint64_t first, std::size_t mos
   }
 }
 
-Vector6d SurfaceBuilder::Impl::VelocityFor(const std::optional<ExpectedMotion>& motion, std::uint64_t first,
-                                           const SceneDepth& depth, const Surface& surface) {
-  Vector6d velocity = Vector6d::Zero();
-  if (!options.ideas.move_events) return velocity;
-  if (!motion) {
-    if (!options.ideas.find_turn) return velocity;
-    CollectSightings(first, kSightings, surface.t_ns, velocity, 0);
-    velocity.tail<3>() = apparent_turn.Estimate(sightings);
-    return velocity;
+/// At the time of the surface's edges.
+Motion SurfaceBuilder::Impl::MotionFor(const std::optional<ExpectedMotion>& expected, std::uint64_t first,
+                                       const SceneDepth& depth, const Surface& surface) {
+  Motion motion;
+  if (!options.ideas.move_events) return motion;
+  if (!expected) {
+    if (!options.ideas.find_turn) return motion;
+    CollectSightings(first, kSightings, surface.t_ns, motion.velocity, 0);
+    motion.velocity.tail<3>() = apparent_turn.Estimate(sightings);
+    return motion;
   }
-  velocity = motion->velocity_event;
-  if (!motion->of_poses || surface.still || !options.ideas.refine_turn) return velocity;
-  CollectSightings(first, ApparentTurn::kMostLookedAt, surface.t_edges_ns, velocity, depth.median_m);
-  velocity.tail<3>() += apparent_turn.Beside(sightings, AsTurn(velocity, depth.median_m));
-  return velocity;
+  motion.velocity = expected->velocity_event;
+  if (options.ideas.accelerate_events) {
+    motion.acceleration = expected->acceleration_event;
+    motion.velocity +=
+        std::clamp(SecondsFromNs(surface.t_edges_ns - expected->t_ns), 0.0, kLongestAhead_s) * motion.acceleration;
+  }
+  if (!expected->of_poses || surface.still || !options.ideas.refine_turn) return motion;
+  CollectSightings(first, ApparentTurn::kMostLookedAt, surface.t_edges_ns, motion.velocity, depth.median_m);
+  motion.velocity.tail<3>() += apparent_turn.Beside(sightings, AsTurn(motion.velocity, depth.median_m));
+  return motion;
 }
 
 void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>& motion, const SceneDepth& depth,
@@ -349,10 +366,9 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>
     for (std::size_t i = 0; i < count; ++i) age_sum_ns += surface->t_ns - events[i].t_ns();
   });
   if (surface->events_used && options.ideas.mean_time) surface->t_edges_ns -= age_sum_ns / surface->events_used;
-  const Vector6d velocity = VelocityFor(motion, first, depth, *surface);
   SceneDepth scene = depth;
   if (!options.ideas.depth_grid) scene.inverse_depth.release();
-  Accumulate(first, surface->t_edges_ns, velocity, scene);
+  Accumulate(first, surface->t_edges_ns, MotionFor(motion, first, depth, *surface), scene);
   Blur(accumulated, options.blur_px, &scratch, &blurred);
   const int threshold = OccupiedQuantile(blurred, options.crest_quantile);
   FindCrests(blurred, accumulated_sign, threshold, &surface->edges, options.ideas.clear_crests);
@@ -362,7 +378,7 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>
   blurred.convertTo(surface->image, CV_8U, 85.0 / std::max(threshold, kEventWeight / 4));
 }
 
-void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, const Vector6d& velocity_event,
+void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, const Motion& motion,
                                       const SceneDepth& depth) {
   // Poses within a slice of this length are taken as one: at 1000 px/s half of it is 0.1 px.
   constexpr std::int64_t kSlice_ns = 200'000;
@@ -375,8 +391,7 @@ void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, co
   kept.ForPieces(first, [&](const RayEvent* next, std::size_t count) {
     for (const RayEvent* end = next + count; next != end;) {
       if (next->t_ns() >= slice_end_ns) {
-        // T_event(t)_event(t_e) under constant velocity in the event frame.
-        warp.SetPose(Exp(velocity_event * SecondsFromNs(next->t_ns() + kSlice_ns / 2 - t_ns)));
+        warp.SetPose(motion.Since(SecondsFromNs(next->t_ns() + kSlice_ns / 2 - t_ns)));
         slice_end_ns = next->t_ns() + kSlice_ns;
       }
       const RayEvent* until = next;

@@ -298,6 +298,7 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = SurfaceVelocity();
   pose->velocity_of_poses = !FollowsInertial();
+  if (FollowsInertial() && !held) pose->acceleration_event = motion_.acceleration_event();
   pose->covariance_event = StatedCovariance(now);
 }
 

@@ -175,6 +175,7 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   }
   WriteMatrix(stream, estimate.velocity_event);
   stream.next(static_cast<std::uint8_t>(estimate.velocity_of_poses));
+  WriteMatrix(stream, estimate.acceleration_event);
   WriteMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
   stream.next(estimate.depth_delay_s);
@@ -202,6 +203,7 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   std::uint8_t of_poses = 0;
   stream.next(of_poses);
   estimate.velocity_of_poses = of_poses != 0;
+  ReadMatrix(stream, estimate.acceleration_event);
   ReadMatrix(stream, estimate.covariance_event);
   stream.next(estimate.event_delay_s);
   stream.next(estimate.depth_delay_s);

@@ -348,7 +348,7 @@ std::optional<ExpectedMotion> TimeSurfaceNode::AwaitMotion() {
     unanswered_ = 0;
   }
   if (!last_pose_ || last_pose_->state == TrackingState::kInitialising) return std::nullopt;
-  return ExpectedMotion(last_pose_->velocity_event, last_pose_->velocity_of_poses);
+  return ExpectedMotion(*last_pose_);
 }
 
 void TimeSurfaceNode::RenderTick() {

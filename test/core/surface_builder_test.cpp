@@ -44,14 +44,16 @@ SurfaceOptions WithoutFilter() {
   return options;
 }
 
-/// A static edge between two points (event frame at kT_ns, metres) under a constant velocity of the camera.
+/// A static edge between two points (event frame at kT_ns, metres) under a constant acceleration of the camera.
 struct MovingEdge {
   Eigen::Vector3d a, b;
-  Vector6d velocity;
+  Vector6d velocity;  // at kT_ns
+  Vector6d acceleration = Vector6d::Zero();
 
   /// Column in which the edge crosses a row.
   double ColumnAt(std::int64_t t_ns, double row) const {
-    const Rigid3 T_event_scene = Exp(velocity * SecondsFromNs(t_ns - kT_ns)).inverse();
+    const double since_s = SecondsFromNs(t_ns - kT_ns);
+    const Rigid3 T_event_scene = Exp(since_s * (velocity + 0.5 * since_s * acceleration)).inverse();
     const Camera camera = TestCamera();
     const Eigen::Vector2d u = *camera.Project(T_event_scene * a), v = *camera.Project(T_event_scene * b);
     return u.x() + (row - u.y()) / (v.y() - u.y()) * (v.x() - u.x());
@@ -139,6 +141,25 @@ TEST(CompensatedSurface, WithAWrongVelocityBlursAnEdgeButDoesNotMoveIt) {
     ASSERT_GE(errors.size(), 80U);
     EXPECT_NEAR(Mean(errors), 0, 0.1) << factor;
   }
+}
+
+TEST(CompensatedSurface, UnderAnAccelerationShowsAnEdgeWhereItWasUnlessThatIsSwitchedOff) {
+  const Vector6d velocity = Twist(0.3, 0, 0, 0, 0, 0), acceleration = Twist(-30, 0, 0, 0, 0, 0);
+  MovingEdge edge = EdgeUnder(velocity);
+  edge.acceleration = acceleration;
+  PoseEstimate before;
+  before.t_edges_ns = kT_ns - NsFromSeconds(0.04);
+  before.velocity_event = velocity - 0.04 * acceleration;
+  before.acceleration_event = acceleration;
+  SurfaceOptions options = WithoutFilter();
+  const auto error = [&] {
+    const auto errors = CrestErrors(*SurfaceOf(edge.Events(), ExpectedMotion(before), 2, options), edge);
+    EXPECT_GE(errors.size(), 80U);
+    return Mean(errors);
+  };
+  EXPECT_NEAR(error(), 0, 0.03);
+  options.ideas.accelerate_events = false;
+  EXPECT_GT(std::abs(error()), 0.07);
 }
 
 TEST(CompensatedSurface, IsSharperWithTheRightVelocityThanWithoutOne) {

@@ -55,6 +55,7 @@ PoseEstimate SomePose() {
   estimate.earlier = {{42'000'000'001, Rigid3()}, {42'000'000'002, Rigid3::Translation({7, 8, 9})}};
   estimate.velocity_event << 1, 2, 3, 4, 5, 6;
   estimate.velocity_of_poses = true;
+  estimate.acceleration_event << 7, 8, 9, 10, 11, 12;
   for (int i = 0; i < 36; ++i) estimate.covariance_event(i / 6, i % 6) = i;
   estimate.state = TrackingState::kLost;
   estimate.reference_id = 5;
@@ -152,6 +153,7 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.earlier[1].T_world_event.position.z, 9);
   EXPECT_DOUBLE_EQ(message.velocity_event[5], 6);
   EXPECT_TRUE(message.velocity_of_poses);
+  EXPECT_DOUBLE_EQ(message.acceleration_event[0], 7);
   EXPECT_DOUBLE_EQ(message.covariance_event[1 * 6 + 2], estimate.covariance_event(1, 2));
   EXPECT_EQ(message.state, TrackedPose::LOST);
   EXPECT_EQ(message.reference_id, 5);

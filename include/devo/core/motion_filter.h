@@ -72,6 +72,7 @@ class MotionFilter {
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
   const Vector6d& velocity_event() const { return velocity_; }  ///< [v; omega], m/s and rad/s
   Matrix6d velocity_covariance() const;                         ///< of [v; omega], m/s and rad/s
+  const Vector6d& acceleration_event() const { return acceleration_; }  ///< its change, m/s^2 and rad/s^2
   bool started() const { return started_; }
   const Eigen::Vector3d& gravity_world() const { return gravity_world_; }    ///< m/s^2; zero: not known
   const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }  ///< rad/s, event frame

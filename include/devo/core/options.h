@@ -13,6 +13,7 @@ struct SurfaceIdeas {
   bool move_events = true;
   bool find_turn = true;
   bool refine_turn = true;
+  bool accelerate_events = true;
   bool mean_time = true;
   bool depth_grid = true;
   bool clear_crests = true;
@@ -103,6 +104,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.refine_turn", surface.refine_turn,
         "where poses alone tell the velocity, events are moved by the turn besides that makes the image clearest; "
         "false: by that velocity");
+  visit("ablation.accelerate_events", surface.accelerate_events,
+        "where an inertial sensor tells the acceleration, events are moved with it; false: at one velocity");
   visit("ablation.mean_time", surface.mean_time,
         "events are moved to the mean of their times; false: to the surface's time");
   visit("ablation.depth_grid", surface.depth_grid,

@@ -34,6 +34,8 @@ struct PoseEstimate {
   Vector6d velocity_event =
       Vector6d::Zero();            ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
   bool velocity_of_poses = false;  ///< it is known from poses alone: no inertial sensor knows better
+  /// Change of that velocity, m/s^2 and rad/s^2; zero where no inertial sensor tells.
+  Vector6d acceleration_event = Vector6d::Zero();
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame
   /// By how much later than the other sensors events show a motion (latency of dark pixels), at least 0; 0 without an
   /// inertial sensor. T_world_event is where the camera was at `t_ns` all the same; `t_edges_ns` is the events' own

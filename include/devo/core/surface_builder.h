@@ -13,6 +13,7 @@
 #include "devo/core/camera.h"
 #include "devo/core/event.h"
 #include "devo/core/options.h"
+#include "devo/core/pose_estimate.h"
 #include "devo/core/rigid3.h"
 #include "devo/core/surface.h"
 
@@ -20,12 +21,19 @@ namespace devo {
 
 /// How the camera is expected to move while it sees the events of a surface.
 struct ExpectedMotion {
-  /// [v; omega], m/s and rad/s, of and in the event frame at the surface's time.
+  /// At the same velocity for good.
   template <typename Derived>
   ExpectedMotion(const Eigen::MatrixBase<Derived>& velocity, bool poses_alone = false)
       : velocity_event(velocity), of_poses(poses_alone) {}
 
-  Vector6d velocity_event;
+  /// As it moved when the edges of this pose were there.
+  explicit ExpectedMotion(const PoseEstimate& pose)
+      : t_ns(pose.t_edges_ns), velocity_event(pose.velocity_event), acceleration_event(pose.acceleration_event),
+        of_poses(pose.velocity_of_poses) {}
+
+  std::int64_t t_ns = 0;    ///< when it moves so
+  Vector6d velocity_event;  ///< [v; omega], m/s and rad/s, of and in the event frame
+  Vector6d acceleration_event = Vector6d::Zero();  ///< change of `velocity_event`, m/s^2 and rad/s^2; zero: not known
   /// By nothing but poses: a wrong one smears the edges along itself, and the poses found in these confirm it. The
   /// events are asked, too (ApparentTurn::Beside).
   bool of_poses;

@@ -62,9 +62,12 @@ bool EventActivity::EndedSuddenly() const {
          last_hz > kSuddenShare * *std::max_element(past_hz_.begin(), past_hz_.end());
 }
 
+bool EventActivity::WouldShow(double flow_px_s) const {
+  return known_px_s_ > 0 && known_hz_ / known_px_s_ * flow_px_s > kLeastToShow * still_hz_;
+}
+
 void EventActivity::NoteUnseen(double flow_px_s, double since_s) {
-  const bool would_show = known_px_s_ > 0 && known_hz_ / known_px_s_ * flow_px_s > kLeastToShow * still_hz_;
-  if (would_show) unseen_px_ += flow_px_s * since_s;
+  if (WouldShow(flow_px_s)) unseen_px_ += flow_px_s * since_s;
 }
 
 bool EventActivity::RulesOutMotion() const { return unseen_px_ > kMostUnseen_px; }

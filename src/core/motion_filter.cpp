@@ -23,6 +23,9 @@ constexpr double kStartSigma_m = 1e-3, kStartSigma_rad = 1e-3;
 // As accelerations are: hands turn a camera more than they shift it, in the image.
 constexpr double kStartSpeed_m_s = 0.3, kStartTurn_rad_s = 1;
 constexpr double kStillSpeed_m_s = 0.01, kStillTurn_rad_s = 0.01;
+// A camera that is found to stand has come to rest within this time, unseen. Or it does not stand, and moves on as
+// before: the longer it seems to, the less likely.
+constexpr double kBraking_s = 0.05, kMistaken_s = 0.1;
 
 // Consumer parts: bias up to degrees per second when cold, and a mounting known to a degree.
 constexpr double kGravity_m_s2 = 9.81;
@@ -98,6 +101,7 @@ void MotionFilter::SetPoseAsAtStart(const Rigid3& T_world_event) {
   P_.topRows<6>().setZero();
   P_.leftCols<6>().setZero();
   P_.diagonal().head<6>() = Both(kStartSigma_m, kStartSigma_rad).cwiseAbs2();
+  before_rest_.setZero();
 }
 
 void MotionFilter::Anchor(const Rigid3& T_world_event) {
@@ -121,6 +125,8 @@ Vector6d MotionFilter::LiveliestVariance() const {
 }
 
 MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
+  // Where exactly it stood the first events after a rest tell: without this they would seem to tell of a velocity.
+  P_.topLeftCorner<6, 6>() += kBraking_s * kBraking_s * std::exchange(before_rest_, Matrix6d::Zero());
   const double fade = std::exp(-dt_s / kManeuver_s);
   const Vector6d step = velocity_ * dt_s + acceleration_ * (0.5 * dt_s * dt_s);
   Matrix F = Matrix::Identity();
@@ -163,6 +169,10 @@ MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
   return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), ahead.PriorCovariance()};
+}
+
+MotionFilter::Prediction MotionFilter::AtRest() const {
+  return {T_world_event_, Vector6d::Zero(), velocity_covariance(), PriorCovariance()};
 }
 
 Matrix6d MotionFilter::PriorCovariance() const {
@@ -371,10 +381,16 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
 void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   t_ns_ = t_ns;
+  if (!velocity_.isZero()) {
+    before_rest_ = velocity_ * velocity_.transpose() + velocity_covariance();
+    rested_s_ = 0;
+  }
+  rested_s_ += dt_s;
   const auto stand = [this] {
     velocity_.setZero();
     acceleration_.setZero();
     SetMotion(Both(kStillSpeed_m_s, kStillTurn_rad_s));
+    P_.block<6, 6>(kV, kV) += std::exp(-2 * rested_s_ / kMistaken_s) * before_rest_;
   };
   stand();
   if (!inertial || dt_s <= 0) return;

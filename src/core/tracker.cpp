@@ -62,9 +62,10 @@ constexpr double kMaxCoast_s = 1;
 // trusted that may be an error of a camera at rest.
 constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1;  // also in rad/s
 // Slower than this, a camera whose events end stands. Also in rad/s.
-constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.03;
-// Square of the velocity over its standard deviation.
-constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15;
+constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.01;
+// Square of the velocity over its standard deviation. Less is asked where edges would hardly show it: that there are no
+// events says little against it then.
+constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15, kHiddenMoving = 4;
 
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
@@ -293,8 +294,8 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   // them.
   pose->event_delay_s = std::max(0.0, motion_.delay_s());
   const std::int64_t t_shown_ns = pose->t_ns + NsFromSeconds(pose->event_delay_s);
-  const auto now = PredictAt(t_shown_ns);
-  pose->T_world_event = held ? motion_.pose() : now.T_world_event;
+  const auto now = held ? motion_.AtRest() : PredictAt(t_shown_ns);
+  pose->T_world_event = now.T_world_event;
   pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = SurfaceVelocity();
   pose->velocity_of_poses = !FollowsInertial();
@@ -367,7 +368,8 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
-  activity_.NoteUnseen(Flow(now.velocity_event), SecondsFromNs(t_ns - motion_.time_ns()));
+  const double flow_px_s = Flow(now.velocity_event);
+  activity_.NoteUnseen(flow_px_s, SecondsFromNs(t_ns - motion_.time_ns()));
   if (activity_.RulesOutMotion() && !motion_.knows_acceleration()) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
@@ -376,7 +378,8 @@ bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
     return MovesClearly(now, kInertialClearlyMoving) ||
            (!unseen_long && !IsBelow(now.velocity_event, kInertialStopping_m_s));
   }
-  return MovesClearly(now, kClearlyMoving) && !(unseen_long && IsBelow(now.velocity_event, kSlow_m_s));
+  return MovesClearly(now, activity_.WouldShow(flow_px_s) ? kClearlyMoving : kHiddenMoving) &&
+         !(unseen_long && IsBelow(now.velocity_event, kSlow_m_s));
 }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {

@@ -228,8 +228,7 @@ const tf2::BufferCore& BagReader::Transforms() {
 
 ImuSample BagReader::ImuInEventFrame(const sensor_msgs::Imu& message) {
   if (!imu_surroundings_) {
-    imu_surroundings_ =
-        ImuSurroundings{config_.T_event_imu, EventFrame(), config_.T_event_apart_depth(), DepthFrame()};
+    imu_surroundings_ = ImuSurroundings{config_.T_event_imu, EventFrame(), config_.T_event_apart_depth(), DepthFrame()};
   }
   return ToImuSample(message, PoseOfImu(message.header.frame_id, *imu_surroundings_, Transforms()),
                      NsFromSeconds(config_.imu_time_offset_s));

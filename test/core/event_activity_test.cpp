@@ -87,6 +87,12 @@ TEST(EventActivity, DoesNotRuleOutAMotionThatMakesHardlyMoreEventsThanAStandstil
   for (int k = 0; k < 100; ++k) ASSERT_FALSE(RulesOutMotionOf(15, &activity)) << k;
 }
 
+TEST(EventActivity, TellsHowFastEdgesMustMoveToShow) {
+  EXPECT_FALSE(Moving().WouldShow(15));
+  EXPECT_TRUE(Moving().WouldShow(30));
+  EXPECT_FALSE(EventActivity(100, kStill_hz).WouldShow(1000)) << "before any motion has been seen";
+}
+
 TEST(EventActivity, RulesOutNothingBeforeAnyMotionWasSeen) {
   EventActivity activity(100, kStill_hz);
   for (int k = 0; k < 100; ++k) {

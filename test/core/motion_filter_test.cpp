@@ -445,6 +445,30 @@ TEST(MotionFilter, HeldStillHasNoVelocityAndKeepsItsPose) {
   EXPECT_LT(Log(before.inverse() * prediction.T_world_event).norm(), 1e-12);
 }
 
+TEST(MotionFilter, TakesAShiftFoundAfterARestForWhereItCameToStandAndNotForAVelocity) {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, Rigid3());
+  const Vector6d slow = 0.03 * Vector6d::Unit(0);
+  const Matrix6d information = 1e8 * Matrix6d::Identity();  // 0.1 mm
+  for (int k = 1; k <= 50; ++k) filter.Update(k * kPeriod_ns, Exp(0.01 * k * slow), information);
+  const double before = filter.pose_covariance()(0, 0);
+  for (int k = 51; k <= 100; ++k) filter.HoldStill(k * kPeriod_ns);
+  EXPECT_GT(filter.Predict(101 * kPeriod_ns).covariance(0, 0), before + std::pow(0.03 * slow.norm(), 2));
+  // It crept on for a millimetre.
+  filter.Update(101 * kPeriod_ns, filter.pose() * Exp(0.001 * Vector6d::Unit(0)), information);
+  EXPECT_LT(filter.velocity_event().norm(), 0.005);
+}
+
+TEST(MotionFilter, MayGoOnAsBeforeAfterAMomentOfRest) {
+  MotionFilter filter = Moving();
+  const Eigen::Vector3d v = filter.velocity_event().head<3>();
+  const auto variance = [&] { return v.dot(filter.velocity_covariance().topLeftCorner<3, 3>() * v) / v.squaredNorm(); };
+  filter.HoldStill(filter.time_ns() + kPeriod_ns);
+  EXPECT_GT(variance(), 0.8 * v.squaredNorm());
+  for (int k = 0; k < 50; ++k) filter.HoldStill(filter.time_ns() + kPeriod_ns);
+  EXPECT_LT(variance(), 0.01 * v.squaredNorm());
+}
+
 TEST(MotionFilter, CoastsOnAndSlowsDown) {
   MotionFilter filter = Moving();
   const Rigid3 before = filter.pose();

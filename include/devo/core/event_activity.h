@@ -35,12 +35,15 @@ class EventActivity {
   /// been few.
   bool EndedSuddenly() const;
 
+  /// Whether edges that move so fast make clearly more events than a standstill has. False before any motion has been
+  /// seen.
+  bool WouldShow(double flow_px_s) const;
+
   /// For a still surface, `since_s` after the one before, in which edges are thought to have moved as fast as this.
   void NoteUnseen(double flow_px_s, double since_s);
 
   /// Whether what was thought cannot be, since the last motion that was seen: on a way longer than edges need to make
-  /// their events, it would have made clearly more of them than a standstill has. False before any motion has been
-  /// seen.
+  /// their events, it would have shown.
   bool RulesOutMotion() const;
 
   /// Others from the next surface on; what was learnt stays.

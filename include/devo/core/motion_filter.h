@@ -46,6 +46,9 @@ class MotionFilter {
   /// At a time at or after the last update.
   Prediction Predict(std::int64_t t_ns) const;
 
+  /// Of a camera that stands where it is.
+  Prediction AtRest() const;
+
   /// Takes the pose that maximises prior and measurement together, as the alignment that started from Predict(t_ns)
   /// found it, and the measurement's information on a right perturbation of it (without the prior).
   /// `variance_scale`: the squares of such measurements' errors, as they are seen, over what the information says; for
@@ -70,8 +73,8 @@ class MotionFilter {
   std::int64_t time_ns() const { return t_ns_; }
   const Rigid3& pose() const { return T_world_event_; }
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
-  const Vector6d& velocity_event() const { return velocity_; }  ///< [v; omega], m/s and rad/s
-  Matrix6d velocity_covariance() const;                         ///< of [v; omega], m/s and rad/s
+  const Vector6d& velocity_event() const { return velocity_; }          ///< [v; omega], m/s and rad/s
+  Matrix6d velocity_covariance() const;                                 ///< of [v; omega], m/s and rad/s
   const Vector6d& acceleration_event() const { return acceleration_; }  ///< its change, m/s^2 and rad/s^2
   bool started() const { return started_; }
   const Eigen::Vector3d& gravity_world() const { return gravity_world_; }    ///< m/s^2; zero: not known
@@ -137,6 +140,8 @@ class MotionFilter {
   // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias;
   // delay].
   Matrix P_ = Matrix::Zero();
+  Matrix6d before_rest_ = Matrix6d::Zero();  // mean square of the velocity, while it is held still
+  double rested_s_ = 0;
 };
 
 }  // namespace devo

@@ -31,8 +31,8 @@ struct ExpectedMotion {
       : t_ns(pose.t_edges_ns), velocity_event(pose.velocity_event), acceleration_event(pose.acceleration_event),
         of_poses(pose.velocity_of_poses) {}
 
-  std::int64_t t_ns = 0;    ///< when it moves so
-  Vector6d velocity_event;  ///< [v; omega], m/s and rad/s, of and in the event frame
+  std::int64_t t_ns = 0;                           ///< when it moves so
+  Vector6d velocity_event;                         ///< [v; omega], m/s and rad/s, of and in the event frame
   Vector6d acceleration_event = Vector6d::Zero();  ///< change of `velocity_event`, m/s^2 and rad/s^2; zero: not known
   /// By nothing but poses: a wrong one smears the edges along itself, and the poses found in these confirm it. The
   /// events are asked, too (ApparentTurn::Beside).

@@ -11,8 +11,7 @@
 namespace devo {
 namespace {
 
-// The latency of a depth camera's driver. So many surfaces are this long at 100 Hz; at higher rates not all are kept.
-constexpr double kMaxLatency_s = 0.3;
+// As many as there are in kMaxDepthLatency_s at 100 Hz; at higher rates not all are kept.
 constexpr std::size_t kMaxSurfaces = 32;
 // Depth images wait for a surface of their time: where events are missing for a second, until they come back.
 constexpr std::size_t kMaxDepths = 32, kMaxSweeps = 4;
@@ -93,7 +92,7 @@ void Mapper::AddSurface(SurfacePtr surface) {
 }
 
 void Mapper::ForgetASurface() {
-  if (SecondsFromNs(surfaces_.back()->t_ns - surfaces_.front()->t_ns) > kMaxLatency_s) {
+  if (SecondsFromNs(surfaces_.back()->t_ns - surfaces_.front()->t_ns) > kMaxDepthLatency_s) {
     surfaces_.pop_front();
     return;
   }

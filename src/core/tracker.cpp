@@ -8,6 +8,7 @@
 #include <Eigen/Cholesky>
 
 #include "devo/core/alignment.h"
+#include "devo/core/depth_image.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -56,7 +57,6 @@ constexpr double kUnguided = 0.8;
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
-constexpr double kMaxWait_s = 0.3;  // a depth image takes less to become a map, a driver included: as in Mapper
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
@@ -337,7 +337,7 @@ std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
   if (pose && pose->earlier.empty()) pose->earlier = std::move(earlier);
   if (!pose || pose->state == TrackingState::kLost) {
     waiting_.push_back(surface);
-    if (static_cast<int>(waiting_.size()) > Surfaces(kMaxWait_s)) waiting_.pop_front();
+    if (static_cast<int>(waiting_.size()) > Surfaces(kMaxDepthLatency_s)) waiting_.pop_front();
   } else {
     waiting_.clear();
   }

@@ -14,7 +14,6 @@ constexpr std::size_t kMaxValues = 2000;
 }  // namespace
 
 void RateMeter::Add(std::int64_t t_ns) {
-  ++count_;
   if (!stamps_.empty() && t_ns < stamps_.back()) stamps_.clear();
   stamps_.push_back(t_ns);
   // Stamps that stand still (zeros of a driver) never leave the window.

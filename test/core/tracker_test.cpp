@@ -55,6 +55,9 @@ Vector6d Twist() {
 }
 Rigid3 TrueAt(std::int64_t t_ns) { return Exp(Twist() * SecondsFromNs(t_ns)); }
 
+/// In m and rad.
+double ErrorOf(const PoseEstimate& pose) { return Log(TrueAt(pose.t_ns).inverse() * pose.T_world_event).norm(); }
+
 /// A tracker that has followed the constant motion for 50 surfaces.
 std::unique_ptr<Tracker> Moving(const TrackingIdeas& ideas = {}) {
   OdometryOptions options;
@@ -180,7 +183,7 @@ TEST(Tracker, ContinuesThePoseOfTheEdgesToTheTimeOfTheSurface) {
   EXPECT_EQ(pose->t_edges_ns, kNow_ns + kPeriod_ns);
   EXPECT_EQ(pose->t_ns, kNow_ns + 2 * kPeriod_ns);
   EXPECT_LT(Log(TrueAt(pose->t_edges_ns).inverse() * pose->T_world_event_edges).norm(), 1e-3);
-  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+  EXPECT_LT(ErrorOf(*pose), 1e-3);
 }
 
 TEST(Tracker, TakesOtherOptionsWithoutLosingItsTrack) {
@@ -192,7 +195,7 @@ TEST(Tracker, TakesOtherOptionsWithoutLosingItsTrack) {
   ASSERT_TRUE(pose);
   EXPECT_EQ(pose->iterations, 1);
   EXPECT_EQ(pose->state, TrackingState::kTracking);
-  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+  EXPECT_LT(ErrorOf(*pose), 1e-3);
 }
 
 /// What an inertial sensor in the event camera reads of the constant motion.
@@ -267,7 +270,7 @@ TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMo
     pose = tracker.Track(surface);
   }
   ASSERT_TRUE(pose);
-  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 3e-3);  // held, it would be 3e-2
+  EXPECT_LT(ErrorOf(*pose), 3e-3);  // held, it would be 3e-2
 }
 
 TEST(Tracker, TellsASlowMotionWithoutEventsFromAStopByTheInertialSensor) {
@@ -369,7 +372,7 @@ TEST(Tracker, GoesOnWhenEventsComeBackAfterAGap) {
     ASSERT_TRUE(pose && pose->T_world_event.IsFinite());
   }
   EXPECT_EQ(pose->state, TrackingState::kTracking);
-  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 5e-3);
+  EXPECT_LT(ErrorOf(*pose), 5e-3);
 }
 
 TEST(Tracker, FindsThePoseAgainAfterAJump) {
@@ -518,8 +521,6 @@ std::vector<PoseEstimate> PosesPastAnUnknownView(int from, int until, int surfac
   return poses;
 }
 
-double ErrorOf(const PoseEstimate& pose) { return Log(TrueAt(pose.t_ns).inverse() * pose.T_world_event).norm(); }
-
 TEST(Tracker, GoesOnWithTheInertialSensorThroughAViewThatTheMapDoesNotHaveYet) {
   const auto poses = PosesPastAnUnknownView(60, 160, 180);  // a second: the time between depth images at 1 Hz
   for (const PoseEstimate& pose : poses) {
@@ -561,7 +562,7 @@ TEST(Tracker, DoesNotLeaveAnInertialSensorsPoseForALookalikeThatMatchesMore) {
     pose = tracker.Track(k <= 50 ? Seen(t_ns, TrueAt(t_ns))
                                  : SeenBesideALookalike(t_ns, TrueAt(t_ns), TrueAt(t_ns) * aside));
     ASSERT_TRUE(pose);
-    EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 0.01) << k;
+    EXPECT_LT(ErrorOf(*pose), 0.01) << k;
   }
   EXPECT_LT(pose->inlier_share, 0.7);
 }
@@ -613,7 +614,7 @@ TEST(Tracker, OnlyRemembersAMapOfAnotherChapterWhileItIsNotLost) {
   const auto pose = tracker->Track(Seen(kNow_ns + kPeriod_ns, TrueAt(kNow_ns + kPeriod_ns)));
   EXPECT_EQ(pose->chapter, 0);
   EXPECT_EQ(pose->state, TrackingState::kTracking);
-  EXPECT_LT(Log(TrueAt(pose->t_ns).inverse() * pose->T_world_event).norm(), 1e-3);
+  EXPECT_LT(ErrorOf(*pose), 1e-3);
 }
 
 /// What a depth image says that shows the camera at this pose.

@@ -11,13 +11,11 @@ TEST(RateMeter, GivesTheRateOfTheStamps) {
   EXPECT_EQ(meter.Hz(), 0);
   for (int i = 0; i < 1000; ++i) meter.Add(i * 10'000'000LL);
   EXPECT_NEAR(meter.Hz(), 100, 1e-6);
-  EXPECT_EQ(meter.count(), 1000U);
 }
 
 TEST(RateMeter, DoesNotGrowWithStampsThatStandStill) {
   RateMeter meter;
   for (int i = 0; i < 200000; ++i) meter.Add(0);
-  EXPECT_EQ(meter.count(), 200000U);
   EXPECT_EQ(meter.Hz(), 0);
   EXPECT_LE(meter.kept(), 50000U);
 }

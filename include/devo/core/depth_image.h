@@ -7,6 +7,10 @@
 
 namespace devo {
 
+/// From its exposure until it has become a map a depth image takes less, its driver included: surfaces and poses are
+/// kept for so long.
+constexpr double kMaxDepthLatency_s = 0.3;
+
 /// A depth image of the depth camera, raw (distorted), as the odometry takes it.
 struct DepthImage {
   std::int64_t t_ns = 0;  ///< time of the exposure's middle, on the event camera's clock

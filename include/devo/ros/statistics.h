@@ -17,13 +17,11 @@ class RateMeter {
   /// Per second of data time; 0 with fewer than two stamps.
   double Hz() const;
 
-  std::uint64_t count() const { return count_; }
   std::size_t kept() const { return stamps_.size(); }  ///< stamps of the window
   std::int64_t last_ns() const { return stamps_.empty() ? 0 : stamps_.back(); }
 
  private:
   std::deque<std::int64_t> stamps_;
-  std::uint64_t count_ = 0;
 };
 
 /// Quantiles of the last 2000 values. Not thread-safe.

@@ -180,12 +180,14 @@ DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, const Neighbours& neighbours, Ev
   std::size_t count = 0;
   const int most_old = 8 - by.needed;
   for (const Event& event : events) {
-    // Events jump about in the image: what a later one will need is fetched while this one is judged.
+    // Events jump about in the image: what a later one will need is fetched while this one is judged. One in five rows
+    // of its neighbours goes on in the next cache line.
     const std::uint32_t* const later =
         by.PixelOf(*(&event + std::min<std::ptrdiff_t>(kAhead, events.end() - 1 - &event)));
-    Prefetch(later - by.stride);
-    Prefetch(later);
-    Prefetch(later + by.stride);
+    for (const int row : {-by.stride, 0, by.stride}) {
+      Prefetch(later + row - 1);
+      Prefetch(later + row + 2);
+    }
     std::uint32_t* const pixel = by.PixelOf(event);
     const std::uint32_t before = *pixel;
     passed[count] = position++;

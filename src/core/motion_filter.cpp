@@ -31,6 +31,7 @@ constexpr double kBraking_s = 0.05, kMistaken_s = 0.1;
 constexpr double kGravity_m_s2 = 9.81;
 constexpr double kGyroscopeBias_rad_s = 0.05, kGyroscopeSigma_rad_s = 0.005, kGyroscopeShare = 0.01;
 constexpr double kAccelerometerBias_m_s2 = 0.2, kAccelerometerSigma_m_s2 = 0.3, kAccelerometerShare = 0.02;
+constexpr double kLeastErrorShare = 0.2;  // of a steady sensor at rest: what it reads then holds for a while only
 constexpr double kGyroscopeWalk_rad_s = 5e-4, kAccelerometerWalk_m_s2 = 5e-3;  // in one second
 constexpr double kKnownGravity_m_s2 = 1;  // its standard deviation, where accelerations are to be told from it
 // Of the mean of the first readings: the camera may be moving, and change its velocity by so much.
@@ -61,6 +62,14 @@ constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kG
 
 /// Of a sensor's variance, by how many times larger its errors' squares are than a good one's: gently at first.
 double Widening(double misfit) { return std::max(1.0, misfit * misfit / (misfit + kTolerated)); }
+
+/// Of a sensor's errors in motion: scale, mounting and vibration make none at rest.
+double ErrorShareAtRest(const std::optional<InertialScatter>& scatter) {
+  if (!scatter) return 1;
+  return std::clamp(
+      std::max(scatter->turn_rad_s / kGyroscopeSigma_rad_s, scatter->force_m_s2 / kAccelerometerSigma_m_s2),
+      kLeastErrorShare, 1.0);
+}
 
 Vector6d Both(double translation, double rotation) {
   Vector6d v;
@@ -326,7 +335,8 @@ MotionFilter::Measurement MotionFilter::Push(const InertialMean& inertial, const
   return m;
 }
 
-void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s) {
+void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s,
+                           double error_share) {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, kStates, 0, 6, kStates>;
   using Column = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
   const int n = inertial.linear_acceleration ? 6 : 3;
@@ -336,7 +346,7 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
     H.middleRows<3>(row) = m.H;
     H_before.middleRows<3>(row) = m.H_before;
     residual.segment<3>(row) = m.residual;
-    variance.segment<3>(row).setConstant(m.sigma * m.sigma);
+    variance.segment<3>(row).setConstant(std::pow(error_share * m.sigma, 2));
   };
   add(0, Turn(inertial, before, dt_s));
   if (n == 6) add(3, Push(inertial, before, dt_s));
@@ -378,7 +388,8 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   if (usable.linear_acceleration) read_push_s_ += dt_s;
 }
 
-void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial) {
+void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial,
+                             const std::optional<InertialScatter>& scatter) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   t_ns_ = t_ns;
   if (!velocity_.isZero()) {
@@ -396,7 +407,7 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
   if (!inertial || dt_s <= 0) return;
   const InertialMean usable = Usable(*inertial, dt_s);
   const Rigid3 T_world_event = T_world_event_;
-  Correct(usable, *this, Matrix::Identity(), dt_s);
+  Correct(usable, *this, Matrix::Identity(), dt_s, ErrorShareAtRest(scatter));
   T_world_event_ = T_world_event;
   stand();
 }

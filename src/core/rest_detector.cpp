@@ -2,6 +2,7 @@
 #include "devo/core/rest_detector.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "devo/core/time.h"
 
@@ -11,11 +12,20 @@ namespace {
 // Beyond the noise of consumer parts, averaged over the span of a surface.
 constexpr double kSteady_rad_s = 0.03, kSteady_m_s2 = 0.3;
 constexpr double kLeast_s = 0.15;
+// Times the least scatter so far, or what the best consumer parts have: more is a motion that few events show.
+constexpr double kAsSteady = 2, kBest_rad_s = 5e-4, kBest_m_s2 = 0.01;
 // The first events of a motion come after it began.
 constexpr std::int64_t kLate_ns = 100'000'000;
 constexpr std::int64_t kStep_ns = 10'000'000;
 constexpr std::int64_t kMaxLatency_ns = 100'000'000;     // of readings
 constexpr std::int64_t kLongestSpan_ns = 3'000'000'000;  // looked back over
+
+/// Welford, "Note on a method for calculating corrected sums of squares and products", 1962.
+void AddToMean(const Eigen::Vector3d& value, int count, Eigen::Vector3d* mean, double* squares) {
+  const Eigen::Vector3d before = value - *mean;
+  *mean += before / count;
+  *squares += before.dot(value - *mean);
+}
 
 }  // namespace
 
@@ -57,11 +67,22 @@ void RestDetector::Note(std::int64_t t_ns, bool quiet, const std::optional<Inert
     begin_ns_ = before_ns;
     mean_turn_.setZero();
     mean_force_.setZero();
+    turn_squares_ = force_squares_ = 0;
   }
   ++count_;
-  mean_turn_ += (inertial->angular_velocity - mean_turn_) / count_;
-  mean_force_ += (*inertial->linear_acceleration - mean_force_) / count_;
-  if (SecondsFromNs(t_ns - kLate_ns - begin_ns_) >= kLeast_s) last_ = Span{begin_ns_, t_ns - kLate_ns};
+  AddToMean(inertial->angular_velocity, count_, &mean_turn_, &turn_squares_);
+  AddToMean(*inertial->linear_acceleration, count_, &mean_force_, &force_squares_);
+  if (SecondsFromNs(t_ns - kLate_ns - begin_ns_) < kLeast_s) return;
+  const InertialScatter scatter = Scatter();
+  if (scatter.turn_rad_s > kAsSteady * least_.turn_rad_s || scatter.force_m_s2 > kAsSteady * least_.force_m_s2) return;
+  least_ = {std::clamp(scatter.turn_rad_s, kBest_rad_s, least_.turn_rad_s),
+            std::clamp(scatter.force_m_s2, kBest_m_s2, least_.force_m_s2)};
+  last_ = Span{begin_ns_, t_ns - kLate_ns, scatter};
+}
+
+InertialScatter RestDetector::Scatter() const {
+  const double degrees = 3 * std::max(1, count_ - 1);
+  return {std::sqrt(turn_squares_ / degrees), std::sqrt(force_squares_ / degrees)};
 }
 
 }  // namespace devo

@@ -64,8 +64,8 @@ constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1;  // also in rad/s
 // Slower than this, a camera whose events end stands. Also in rad/s.
 constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.01;
 // Square of the velocity over its standard deviation. Less is asked where edges would hardly show it: that there are no
-// events says little against it then.
-constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15, kHiddenMoving = 4;
+// events says little against it then. Where an accelerometer knows it, it is as small as noise once the camera stands.
+constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15, kKnownMoving = 2, kHiddenMoving = 4;
 
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
@@ -263,7 +263,7 @@ bool Tracker::StartFromRest() {
     const auto inertial = inertial_.Mean(motion.time_ns(), t_ns);
     if (!inertial) return false;
     if (t_ns <= rest->end_ns) {
-      motion.HoldStill(t_ns, inertial);
+      motion.HoldStill(t_ns, inertial, rest->scatter);
     } else {
       motion.Advance(t_ns, *inertial);
     }
@@ -271,6 +271,7 @@ bool Tracker::StartFromRest() {
   motion.Anchor(map_->T_world_ref);
   motion_ = motion;
   unsure_ = false;
+  last_active_ns_ = map_->t_ns;  // until here it was followed
   return true;
 }
 
@@ -375,7 +376,7 @@ bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down.
   if (InertialFits() && Inertial(motion_, t_ns)) {
-    return MovesClearly(now, kInertialClearlyMoving) ||
+    return MovesClearly(now, motion_.knows_acceleration() ? kKnownMoving : kInertialClearlyMoving) ||
            (!unseen_long && !IsBelow(now.velocity_event, kInertialStopping_m_s));
   }
   return MovesClearly(now, activity_.WouldShow(flow_px_s) ? kClearlyMoving : kHiddenMoving) &&

@@ -412,6 +412,23 @@ TEST(MotionFilter, LearnsItsBiasesAtRest) {
   EXPECT_EQ(filter.Predict(filter.time_ns()).velocity_event, Vector6d(Vector6d::Zero()));
 }
 
+TEST(MotionFilter, IsTheSurerOfTheMotionAfterARestTheSteadierItsReadingsWere) {
+  const Eigen::Vector3d force(0.5, -9.6, 1.5);
+  std::vector<double> variances;
+  for (const double scatter : {0.0, 0.5, 1.0, 5.0}) {  // of the errors in motion
+    MotionFilter filter{TrackingOptions()};
+    filter.Start(0, Rigid3());
+    filter.LearnGravity(force, 0.3);
+    const InertialMean reading{{0.01, 0, 0}, force, Eigen::Vector3d::Zero()};
+    for (int k = 1; k <= 30; ++k) filter.HoldStill(k * kPeriod_ns, reading, InertialScatter{0.005 * scatter, 0});
+    for (int k = 31; k <= 80; ++k) filter.Advance(k * kPeriod_ns, reading);
+    variances.push_back(filter.velocity_covariance()(0, 0));
+  }
+  EXPECT_LT(variances[0], 0.9 * variances[1]);
+  EXPECT_LT(variances[1], 0.9 * variances[2]);
+  EXPECT_EQ(variances[2], variances[3]);
+}
+
 TEST(MotionFilter, GoesOnAlikeInAnotherWorld) {
   const Eigen::Vector3d force(0.5, -9.6, 1.5);
   MotionFilter filter{TrackingOptions()};

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/rest_detector.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 namespace devo {
@@ -50,6 +52,32 @@ TEST(RestDetector, NeedsBothFewEventsAndSteadyReadings) {
   for (const RestDetector* detector : {&busy, &turning, &pushed, &blind, &no_accelerometer}) {
     EXPECT_FALSE(detector->last_rest());
   }
+}
+
+/// Adds a second of readings from 2 s on that scatter by so much about those of a turn.
+void AddScattering(double scatter_rad_s, double scatter_m_s2, double turn_rad_s, RestDetector* detector) {
+  detector->Note(200 * kStep_ns, false, Reading(0.5, 1));
+  for (int k = 201; k <= 300; ++k) {
+    const int sign = k % 2 == 0 ? 1 : -1;
+    detector->Note(k * kStep_ns, true, Reading(turn_rad_s + sign * scatter_rad_s, sign * scatter_m_s2));
+  }
+}
+
+TEST(RestDetector, TellsASlowMotionInTheDarkFromARestByTheirScatter) {
+  RestDetector detector = Rested();
+  AddScattering(0.001, 0.1, 0.02, &detector);
+  ASSERT_TRUE(detector.last_rest());
+  EXPECT_EQ(detector.last_rest()->end_ns, 130 * kStep_ns);
+}
+
+TEST(RestDetector, TakesAnotherRestWithTheNoiseOfAGoodSensorAndMeasuresIt) {
+  RestDetector detector = Rested();  // without noise
+  AddScattering(0.001, 0.02, 0, &detector);
+  ASSERT_TRUE(detector.last_rest());
+  EXPECT_EQ(detector.last_rest()->end_ns, 290 * kStep_ns);
+  // All of it along one of three axes.
+  EXPECT_NEAR(detector.last_rest()->scatter.turn_rad_s, 0.001 / std::sqrt(3.0), 2e-5);
+  EXPECT_NEAR(detector.last_rest()->scatter.force_m_s2, 0.02 / std::sqrt(3.0), 4e-4);
 }
 
 TEST(RestDetector, BeginsAnewAfterAMotionAndWhenItIsCleared) {

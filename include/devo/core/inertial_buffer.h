@@ -18,6 +18,11 @@ struct InertialMean {
   Eigen::Vector3d p_event_imu;                         ///< m, event frame
 };
 
+/// How means over 10 ms differ from their own mean: standard deviation, root mean square over the axes.
+struct InertialScatter {
+  double turn_rad_s, force_m_s2;
+};
+
 /// The samples of the last seconds. Not thread-safe.
 class InertialBuffer {
  public:

@@ -64,8 +64,10 @@ class MotionFilter {
   /// Goes on to `t_ns` with what an inertial sensor read since the last update.
   void Advance(std::int64_t t_ns, const InertialMean& inertial);
 
-  /// The camera is known to stand still; what an inertial sensor reads then is its bias and gravity.
-  void HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial = std::nullopt);
+  /// The camera is known to stand still; what an inertial sensor reads then is its bias and gravity. `scatter`: of such
+  /// readings over the whole rest, where it is known for certain; without it they count as if it moved.
+  void HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial = std::nullopt,
+                 const std::optional<InertialScatter>& scatter = std::nullopt);
 
   /// Nothing was measured: goes on with the prediction, slowing down.
   void Coast(std::int64_t t_ns);
@@ -109,7 +111,9 @@ class MotionFilter {
   void SetMotion(const Vector6d& sigma_velocity);
   /// Returns the derivative of the new state by the old one.
   Matrix Propagate(double dt_s);
-  void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s);
+  /// `error_share`: of the errors that the sensor has in motion.
+  void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s,
+               double error_share = 1);
   Matrix6d PriorCovariance() const;
   /// Of the accelerations [a; alpha] that the options allow, squared.
   Vector6d LiveliestVariance() const;

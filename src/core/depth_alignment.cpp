@@ -53,6 +53,7 @@ struct DepthAligner::Equations {
   Vector6d g = Vector6d::Zero();
   std::vector<float> distances;  // of the matches, absolute
   int seen = 0;                  // cells that might have matched
+  int met = 0;                   // of these, those that lie on a surface of the reference, if not exactly
 };
 
 DepthAligner::DepthAligner(const Camera& camera)
@@ -147,6 +148,7 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
     const DepthCells::Cell& surface = ref.cells[k];
     if (surface.n.isZero() || surface.n.dot(R * cell.n) < kMinMatchCosine) continue;
     const float distance = surface.n.dot(q - surface.p);
+    equations.met += std::abs(distance) < SurfaceGap(surface.p.z()) ? 1 : 0;
     if (std::abs(distance) > limit_m) continue;
     equations.distances.push_back(std::abs(distance));
     const float share = distance / limit_m, weight = (1 - share * share) * (1 - share * share);
@@ -192,7 +194,7 @@ std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, c
     const auto middle = equations.distances.begin() + matches / 2;
     std::nth_element(equations.distances.begin(), middle, equations.distances.end());
     result.sigma_m = std::max(kMinSigma_m, kSigmaOfMedian * *middle);
-    result.overlap = static_cast<double>(matches) / equations.seen;
+    result.overlap = static_cast<double>(equations.met) / equations.seen;
     H = equations.H;
     Matrix6d damped = H;
     damped.diagonal().array() += std::pow(result.sigma_m / kDamping_m, 2);

@@ -107,6 +107,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   for (const PoseHistory::Stamped& earlier : pose.earlier) poses_.Add(earlier.t_ns, earlier.T_world_event);
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
+  covariance_ = pose.covariance_event;
   event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
   depth_delay_s_ = pose.depth_delay_s;
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
@@ -178,7 +179,8 @@ void Mapper::AlignDepth(const DepthImage& depth) {
   if (!options_.mapping.align_depth || map_.empty()) return;
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
   if (!T_world_then) return;
-  auto pose = depth_keyframes_.Align(depth, {*T_world_then, velocity_, depth_delay_s_, map_.chapter(), trackable_});
+  auto pose = depth_keyframes_.Align(
+      depth, {*T_world_then, velocity_, depth_delay_s_, map_.chapter(), trackable_, covariance_});
   counters_.depth_jumps = depth_keyframes_.jumps();
   if (!pose) return;
   ++counters_.depth_aligned;

@@ -60,6 +60,26 @@ TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   EXPECT_EQ(keyframes.size(), before);
 }
 
+TEST(DepthKeyframes, AKeyframeIsKeptWhereItsDepthSaysAsFarAsTrackingIsUnsure) {
+  const Rigid3 truth = Turned(0.3), tracked = truth * Rigid3::Translation({0.01, 0, 0});
+  for (const bool unsure : {false, true}) {
+    DepthKeyframes keyframes(DepthRig());
+    keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+    DepthKeyframes::View view = ViewAt(tracked);
+    if (unsure) view.covariance = std::pow(0.05, 2) * Matrix6d::Identity();
+    keyframes.Align(ImageAt(truth), view);
+    ASSERT_EQ(keyframes.size(), 2U);
+    const auto pose = keyframes.Align(ImageAt(truth), ViewAt(truth));
+    ASSERT_TRUE(pose);
+    const double from_truth = Log(truth.inverse() * pose->T_world_event).norm();
+    if (unsure) {
+      EXPECT_LT(from_truth, 4e-3);
+    } else {
+      EXPECT_NEAR(from_truth, 0.01, 1e-3);
+    }
+  }
+}
+
 TEST(DepthKeyframes, AViewNearItsKeyframeIsKnownBetterThanOneFartherOff) {
   DepthKeyframes keyframes(DepthRig());
   keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));

@@ -30,7 +30,8 @@ class DepthKeyframes {
     Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s
     double delay_s = 0;                          ///< by how much depth images are taken to be late
     int chapter = 0;
-    bool trusted = false;  ///< the image may become a keyframe
+    bool trusted = false;                    ///< the image may become a keyframe
+    Matrix6d covariance = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] of T_world_event, m and rad
   };
 
   /// Aligns an image to the keyframe that shows most of it, and keeps it when none shows enough. Empty where nothing

@@ -124,6 +124,7 @@ class Mapper {
   double depth_delay_s_ = 0;
   std::int64_t event_delay_ns_ = 0;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
+  Matrix6d covariance_ = Matrix6d::Zero();  // of the newest pose
   bool trackable_ = false, begin_chapter_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map

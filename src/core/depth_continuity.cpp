@@ -2,18 +2,19 @@
 #include "devo/core/depth_continuity.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "devo/core/time.h"
 
 namespace devo {
 namespace {
 
-constexpr int kMinSteps = 5;         // until it is known what is usual
-constexpr double kUsualShare = 0.1;  // of a step in its mean
+// What is usual is the median of so many: neither the first ones, when poses are still to be found, nor slips of the
+// tracking make jumps usual.
+constexpr std::size_t kMinSteps = 5, kSteps = 15;
 // Squares, over what is usual. Steps of real sensors, events in the dark and abrupt motion reach ten times that.
 constexpr double kJump = 25, kGoesOn = 9;
 constexpr double kLeastUsual = 1;
-constexpr double kMostOfUsual = 4;  // of a step in its mean, so that slips of the tracking do not make jumps usual
 // A camera that itself moved by so much otherwise than before may well have been tracked wrongly.
 constexpr double kSteadyShare = 1.0 / 16;
 
@@ -34,21 +35,28 @@ double DepthContinuity::Unsteady(const Image& image) const {
 }
 
 void DepthContinuity::Note(const Image& image, double apart) {
-  const double most = steps_ > 0 ? kMostOfUsual * std::max(kLeastUsual, usual_) : apart;
-  usual_ += (std::min(apart, most) - usual_) * std::max(kUsualShare, 1.0 / (1 + steps_));
-  ++steps_;
+  apart_.push_back(apart);
+  if (apart_.size() > kSteps) apart_.pop_front();
   velocity_ = Log(last_->T_world_tracked.inverse() * image.T_world_tracked) / SecondsFromNs(image.t_ns - last_->t_ns);
+}
+
+double DepthContinuity::Usual() const {
+  if (apart_.empty()) return kLeastUsual;
+  std::vector<double> apart(apart_.begin(), apart_.end());
+  const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
+  std::nth_element(apart.begin(), middle, apart.end());
+  return std::max(kLeastUsual, *middle);
 }
 
 DepthContinuity::Verdict DepthContinuity::Judge(const Image& image) {
   Verdict verdict = Verdict::kSteady;
   if (last_ && image.t_ns > last_->t_ns) {
-    const double apart = Apart(image), usual = std::max(kLeastUsual, usual_);
+    const double apart = Apart(image), usual = Usual();
     if (doubtful_) {
       if (apart < kGoesOn * usual) verdict = Verdict::kJumped;
       Reset();  // either way: what was usual is not any more
     } else {
-      const bool unusual = steps_ >= kMinSteps && apart > kJump * usual;
+      const bool unusual = apart_.size() >= kMinSteps && apart > kJump * usual;
       doubtful_ = unusual && Unsteady(image) < kSteadyShare * apart;
       if (doubtful_) verdict = Verdict::kDoubtful;
       if (!doubtful_) Note(image, apart);

@@ -72,6 +72,13 @@ TEST_F(DepthContinuityTest, WhatIsUsualIsNotKnownFromAFewImages) {
   EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kSteady);
 }
 
+TEST_F(DepthContinuityTest, ABeginningWithPoorPosesDoesNotHideAJump) {
+  for (int i = 0; i < 4; ++i) Next(Exp(Vector6d::Constant(i % 2 ? 0.02 : -0.02)));
+  for (int i = 0; i < 8; ++i) Next();
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kDoubtful);
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kJumped);
+}
+
 TEST_F(DepthContinuityTest, SlipsOfTheTrackingDoNotHideAJump) {
   Begin(20);
   for (int i = 0; i < 3; ++i) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 
 #include "devo/core/rigid3.h"
@@ -37,11 +38,11 @@ class DepthContinuity {
   /// Squared: what the camera was tracked to move otherwise than it moved before.
   double Unsteady(const Image& image) const;
   void Note(const Image& image, double apart);
+  double Usual() const;
 
   std::optional<Image> last_;
   Vector6d velocity_ = Vector6d::Zero();  // [v; omega], m/s and rad/s, as tracked up to the last image
-  int steps_ = 0;
-  double usual_ = 0;  // mean of Apart()
+  std::deque<double> apart_;  // of the last images
   bool doubtful_ = false;
 };
 

@@ -22,9 +22,6 @@ constexpr double kCellsPerMeasurement = 10;
 constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
 constexpr double kOtherView = 0.3, kLeastBias = 0.1;
 constexpr double kKnown_m = 0.05;  // also in radians
-// Of the variance that is stated of a pose. What errs alike in image after image is in it, too: taken for all of it, a
-// full turn would drift as depth alone does.
-constexpr double kCorrectedShare = 0.25;
 
 /// Of directions that are known to a few centimetres and hundredths of a radian; of others nothing.
 Matrix6d OfKnownDirections(const Matrix6d& information) {
@@ -32,17 +29,6 @@ Matrix6d OfKnownDirections(const Matrix6d& information) {
   Vector6d values = eigen.eigenvalues();
   for (double& value : values) value = value > 1 / (kKnown_m * kKnown_m) ? value : 0;
   return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
-}
-
-/// What tracking will make of the pose once it has heard of the depth. A keyframe at the pose before would say the
-/// opposite of the next image, and where the view leaves little overlap each is one: errors would grow from one to the
-/// next.
-DepthKeyframes::View Corrected(DepthKeyframes::View view, const DepthPose& depth) {
-  const Matrix6d share = kCorrectedShare * view.covariance * depth.information;
-  const Vector6d apart = Log(view.T_world_event.inverse() * depth.T_world_event);
-  // (C^-1 + H)^-1 H, where both may be singular.
-  view.T_world_event = view.T_world_event * Exp((Matrix6d::Identity() + share).partialPivLu().solve(share * apart));
-  return view;
 }
 
 }  // namespace
@@ -150,7 +136,11 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
     }
   }
   if (view.trusted && (best.keyframe < 0 || best.result.overlap < kKeepOverlap) && now.median_m > 0) {
-    Keep(std::move(now), pose ? Corrected(view, *pose) : view);
+    // At the pose before it would say the opposite of the next image, and where the view leaves little overlap each is
+    // a keyframe: errors would grow from one to the next.
+    View kept = view;
+    if (pose) kept.T_world_event = Corrected(view.T_world_event, view.covariance, *pose);
+    Keep(std::move(now), kept);
   }
   return pose;
 }

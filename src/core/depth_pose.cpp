@@ -2,13 +2,30 @@
 #include "devo/core/depth_pose.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 namespace devo {
 namespace {
 
 constexpr double kLeast = 1;  // in m and rad: what is known is known to centimetres, of the rest there is nothing
 
+// Of the variance that is stated of a pose. What errs alike in image after image is in it, too: taken for all of it, a
+// full turn would drift as depth alone does.
+constexpr double kCorrectedShare = 0.25;
+constexpr double kMaxNormalisedSquare = 16;
+
 }  // namespace
+
+Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth) {
+  const Matrix6d I = Matrix6d::Identity();
+  const Vector6d apart = Log(T_world_event.inverse() * depth.T_world_event);
+  if (NormalisedSquare(apart, covariance + (depth.information + I).inverse()) > kMaxNormalisedSquare) {
+    return T_world_event;
+  }
+  const Matrix6d share = kCorrectedShare * covariance * depth.information;
+  // (C^-1 + H)^-1 H, where both may be singular.
+  return T_world_event * Exp((I + share).partialPivLu().solve(share * apart));
+}
 
 bool DepthPose::KnowsAllDirections() const {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information, Eigen::EigenvaluesOnly);

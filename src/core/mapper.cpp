@@ -162,12 +162,12 @@ bool Mapper::UpdateFromDepth() {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
-    AlignDepth(depth);
+    const Rigid3 T_moved_world = AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
       if (map_.empty() && surface->still) depth_of_rest_.Keep(depth, *surface);
-      changed |= Process(depth, surface, &counters_);
+      changed |= Process(depth, surface, T_moved_world, &counters_);
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
@@ -175,18 +175,19 @@ bool Mapper::UpdateFromDepth() {
   return changed;
 }
 
-void Mapper::AlignDepth(const DepthImage& depth) {
-  if (!options_.mapping.align_depth || map_.empty()) return;
+Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
+  if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
-  if (!T_world_then) return;
+  if (!T_world_then) return Rigid3();
   auto pose = depth_keyframes_.Align(
       depth, {*T_world_then, velocity_, depth_delay_s_, map_.chapter(), trackable_, covariance_});
   counters_.depth_jumps = depth_keyframes_.jumps();
-  if (!pose) return;
+  if (!pose) return Rigid3();
   ++counters_.depth_aligned;
   pose->t_ns = depth.t_ns;
   pose->epoch = epoch_;
   depth_poses_.push_back(*pose);
+  return Corrected(*T_world_then, covariance_, *pose) * T_world_then->inverse();
 }
 
 bool Mapper::BeginFromRest() {
@@ -194,7 +195,7 @@ bool Mapper::BeginFromRest() {
   for (const SurfacePtr& surface : surfaces_) {
     if (!depth_of_rest_.Fits(*surface, options_.surface.still_activity_hz)) continue;
     Counters again;  // the image was counted when it came
-    if (Process(*depth_of_rest_.depth(), surface, &again)) return true;
+    if (Process(*depth_of_rest_.depth(), surface, Rigid3(), &again)) return true;
   }
   return false;
 }
@@ -211,7 +212,7 @@ bool Mapper::UpdateFromSweeps() {
     if (surface) ForgetSurfacesBefore(surface);
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
     if (depth) {
-      changed |= Process(*depth, surface, &counters_);
+      changed |= Process(*depth, surface, Rigid3(), &counters_);
     } else {
       ++counters_.depth_without_valid_pixel;
     }
@@ -233,12 +234,13 @@ std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface
   return lidar_depth_;
 }
 
-bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, Counters* of_depth) {
+bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world,
+                     Counters* of_depth) {
   Rigid3 T_world_event, T_surface_depthtime;
   if (!map_.empty()) {
     const auto T_world_surface = poses_.At(surface->t_edges_ns, 0.05), T_world_then = poses_.At(depth.t_ns, 0.05);
     if (!T_world_surface || !T_world_then) return false;
-    T_world_event = *T_world_surface;
+    T_world_event = T_moved_world * *T_world_surface;
     if (options_.mapping.ideas.move_depth) T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
   }
   if (registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges) == 0) {

@@ -22,4 +22,8 @@ struct DepthPose {
   bool KnowsAllDirections() const;
 };
 
+/// What tracking will make of a pose with this covariance (of a right perturbation, m and rad) once it has heard of the
+/// depth: a weighted mean, or the same where the two contradict each other.
+Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth);
+
 }  // namespace devo

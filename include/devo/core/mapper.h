@@ -91,9 +91,11 @@ class Mapper {
   /// The first map, of the depth of the rest before the first motion.
   bool BeginFromRest();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
-  void AlignDepth(const DepthImage& depth);
-  /// `of_depth`: where the image is counted.
-  bool Process(const DepthImage& depth, const SurfacePtr& surface, Counters* of_depth);
+  /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image.
+  Rigid3 AlignDepth(const DepthImage& depth);
+  /// Puts what it adds to the map where tracking will be after `T_moved_world`: from where it was, the map would pull
+  /// poses back. `of_depth`: where the image is counted.
+  bool Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world, Counters* of_depth);
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   /// The map's points in a surface: which ones meet edges, and where. Returns those that are visible.
   std::vector<ReferenceMap::Visible> Observe(const Surface& surface, const Rigid3& T_world_event);

@@ -15,9 +15,15 @@ namespace {
 
 // Depth errs alike for about this long: images that follow each other sooner count for less.
 constexpr double kAlike_s = 0.1;
+// Errors that edges of successive surfaces share pass for errors of the velocity, the longer, the more. Where nothing
+// else tells the velocity, after this long half of what depth contradicts is taken for such (underweighting: Zanetti,
+// DeMars, Bishop, "Underweighting nonlinear measurements", 2010).
+constexpr double kShared_s = 0.2;
 constexpr double kOpen_m = 1;  // in directions that depth leaves open, also in radians
 constexpr double kMaxNormalisedSquare = 16;
 constexpr double kMaxDelay_s = 0.05;
+constexpr double kPast_s = 1;
+constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
 
 }  // namespace
@@ -30,19 +36,30 @@ void DepthFusion::NoteVelocity(const DepthPose& depth) {
   }
   velocity_since_ns_ = last_ ? last_->t_ns : depth.t_ns;
   last_ = depth;
+  if (!depth.KnowsAllDirections()) return;
+  past_.push_back(depth);
+  while (SecondsFromNs(depth.t_ns - past_.front().t_ns) > kPast_s) past_.pop_front();
+}
+
+bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
+  const auto first =
+      std::find_if(past_.begin(), past_.end(), [t_ns](const DepthPose& pose) { return pose.t_ns > t_ns; });
+  if (first == past_.end() || first + 1 == past_.end()) return false;
+  const Vector6d moved = Log(first->T_world_event.inverse() * past_.back().T_world_event);
+  const Matrix6d I = Matrix6d::Identity();
+  const Matrix6d covariance = first->information.ldlt().solve(I) + past_.back().information.ldlt().solve(I);
+  return moved.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
 }
 
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
   NoteVelocity(depth);
   const double since_s = agreed_ns_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_ns_)) : kAlike_s;
   const Matrix6d I = Matrix6d::Identity();
-  // All of it as perturbations of the pose now: xi_now = A xi_then.
-  const Matrix6d A = Adjoint(estimate.T_world_now.inverse() * estimate.T_world_then);
-  const Vector6d residual = A * Log(estimate.T_world_then.inverse() * depth.T_world_event);
-  const Vector6d per_delay = A * depth.per_delay;
-  const Matrix6d alone = A * (depth.information + I / (kOpen_m * kOpen_m)).ldlt().solve(I) * A.transpose();
+  const Vector6d residual = Log(estimate.T_world_event.inverse() * depth.T_world_event);
+  const Vector6d& per_delay = depth.per_delay;
+  const Matrix6d alone = (depth.information + I / (kOpen_m * kOpen_m)).ldlt().solve(I);
   delay_variance_ += kDelayWalk_s * kDelayWalk_s * since_s;
-  const Matrix6d rest = estimate.covariance_since + delay_variance_ * per_delay * per_delay.transpose();
+  const Matrix6d rest = delay_variance_ * per_delay * per_delay.transpose();
   const Matrix6d stated = estimate.covariance + alone + rest;
   const bool knows_all = depth.KnowsAllDirections();
   if (knows_all) error_scale_.Note(depth.t_ns, residual, estimate.variance_scale * stated);
@@ -58,7 +75,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   agreed_ns_ = depth.t_ns;
   if (knows_all) found_ns_ = depth.t_ns;
 
-  const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
+  const double shared = estimate.guided ? 0 : std::min(1.0, since_s / kShared_s);
+  const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest + shared * covariance;
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
   const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);

@@ -218,6 +218,21 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
+MotionFilter::Likelihood MotionFilter::LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_event,
+                                                    const Matrix6d& information, double variance_scale) {
+  // Where both together are least, one rises as the other falls.
+  const Vector6d to_predicted = Log(T_world_event.inverse() * predicted.T_world_event);
+  return {T_world_event, information, predicted.covariance.ldlt().solve(to_predicted), variance_scale};
+}
+
+void MotionFilter::Update(std::int64_t t_ns, const Likelihood& measured) {
+  GoOn(t_ns);
+  const Vector6d to_predicted = Log(measured.T_world_event.inverse() * T_world_event_);
+  const Matrix6d prior = PriorCovariance().ldlt().solve(Matrix6d::Identity());
+  const Vector6d moved = (prior + measured.information).ldlt().solve(prior * to_predicted - measured.gradient);
+  Update(t_ns, measured.T_world_event * Exp(moved), measured.information, measured.variance_scale);
+}
+
 void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected) {
   // An inertial sensor tells of accelerations before poses do.
   if (!options_.ideas.calm_motion || reads_) return;
@@ -410,6 +425,11 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
   Correct(usable, *this, Matrix::Identity(), dt_s, ErrorShareAtRest(scatter));
   T_world_event_ = T_world_event;
   stand();
+}
+
+void MotionFilter::GoOn(std::int64_t t_ns) {
+  if (t_ns > t_ns_) Propagate(SecondsFromNs(t_ns - t_ns_));
+  t_ns_ = t_ns;
 }
 
 void MotionFilter::Coast(std::int64_t t_ns) {

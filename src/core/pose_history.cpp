@@ -17,6 +17,10 @@ void PoseHistory::Move(const Rigid3& T_new_old) {
   for (Stamped& pose : poses_) pose.T_world_event = T_new_old * pose.T_world_event;
 }
 
+void PoseHistory::ForgetAfter(std::int64_t t_ns) {
+  while (!poses_.empty() && poses_.back().t_ns > t_ns) poses_.pop_back();
+}
+
 std::optional<Rigid3> PoseHistory::At(std::int64_t t_ns, double extrapolate_s) const {
   if (poses_.empty()) return std::nullopt;
   const double before_s = SecondsFromNs(poses_.front().t_ns - t_ns);

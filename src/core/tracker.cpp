@@ -110,30 +110,30 @@ void Tracker::SetMap(LocalMapPtr map) {
 
 void Tracker::AddDepthPose(const DepthPose& depth) {
   if (!map_ || depth.epoch != epoch_ || depth.chapter != map_->chapter || !motion_.started()) return;
-  const auto T_world_then = history_.At(depth.t_ns);
-  if (!T_world_then) return;
-  const Rigid3 T_world_now = motion_.pose();
-  const double since_s = SecondsFromNs(motion_.time_ns() - depth.t_ns);
-  Matrix6d covariance = motion_.pose_covariance();
+  auto then = past_.At(depth.t_ns, motion_, inertial_);
+  if (!then) return;
+  const Rigid3 T_world_then = then->pose();
+  Matrix6d covariance = then->pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
   const auto correction = depth_fusion_.Correct(
-      depth, {*T_world_then, T_world_now, covariance, since_s * since_s * motion_.velocity_covariance(),
-              AlignmentScale(), quality_.suspicious_in_a_row() > 0});
+      depth, {T_world_then, covariance, AlignmentScale(), FollowsInertial(), quality_.suspicious_in_a_row() > 0});
   if (correction && !held_) {
-    const Rigid3 T_world_moved = T_world_now * Exp(correction->moved);
-    motion_.Update(motion_.time_ns(), T_world_moved, correction->information);
-    history_.Move(T_world_moved * T_world_now.inverse());
-  } else if (!correction && depth.KnowsAllDirections()) {
-    Contradict(depth, depth.T_world_event * (T_world_then->inverse() * T_world_now));
+    then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
+    motion_ = past_.Again(*then, inertial_, &history_);
+  } else if ((!correction && depth.KnowsAllDirections()) || IsSeenMoving()) {
+    Contradict(depth, depth.T_world_event * (T_world_then.inverse() * motion_.pose()));
   }
 }
+
+bool Tracker::IsSeenMoving() const { return held_ && depth_fusion_.SawMotionSince(held_since_ns_); }
 
 void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
   if (by_events) T_world_by_depth_ = T_world_now;
   const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
   const bool inertial = coasting_ && FollowsInertial() && state_ != TrackingState::kLost;
-  if (sure_of_events || depth_fusion_.contradictions() < (inertial ? kInertialContradictions : kContradictions)) return;
+  const int least = inertial ? kInertialContradictions : kContradictions;
+  if (sure_of_events || (depth_fusion_.contradictions() < least && !IsSeenMoving())) return;
   const std::int64_t now_ns = motion_.time_ns();
   // What two images span of the motion before a standstill says nothing of now.
   const bool of_now = !held_ || depth_fusion_.velocity_since_ns() >= last_active_ns_;
@@ -163,6 +163,7 @@ void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event) {
 
 void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity) {
   motion_.Start(t_ns, T_world_event, velocity);
+  past_.Clear();
   history_.Clear();
   started_ns_ = t_ns;
   T_world_started_ = T_world_event;
@@ -172,6 +173,7 @@ void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vect
 void Tracker::Reset() {
   map_.reset();
   motion_.Reset();
+  past_.Clear();
   history_.Clear();
   depth_fusion_.Reset();
   held_ = coasting_ = false;
@@ -226,8 +228,11 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) &&
              MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
+  if (!held_) held_since_ns_ = surface.t_edges_ns;
   held_ = surface.still && !coasting_;
   if (surface.t_edges_ns > motion_.time_ns()) {
+    const MotionFilter before = motion_;
+    step_ = {surface.t_edges_ns};
     if (!surface.still) {
       Register(surface, &pose);
     } else if (coasting_) {
@@ -235,6 +240,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     } else {
       HoldStill(surface.t_edges_ns, &pose);
     }
+    if (motion_.time_ns() > started_ns_) past_.Note(before, step_);
     history_.Add(motion_.time_ns(), motion_.pose());
   }
   NoteActivity(surface, pose);
@@ -270,6 +276,7 @@ bool Tracker::StartFromRest() {
   }
   motion.Anchor(map_->T_world_ref);
   motion_ = motion;
+  past_.Clear();
   unsure_ = false;
   last_active_ns_ = map_->t_ns;  // until here it was followed
   return true;
@@ -346,8 +353,7 @@ std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
 }
 
 std::optional<InertialMean> Tracker::Inertial(const MotionFilter& motion, std::int64_t t_ns) const {
-  const std::int64_t delay_ns = NsFromSeconds(motion.delay_s());
-  return inertial_.Mean(motion.time_ns() - delay_ns, t_ns - delay_ns);
+  return ReadSince(motion, t_ns, inertial_);
 }
 
 bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
@@ -385,13 +391,16 @@ bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
   motion_.HoldStill(t_ns, Inertial(motion_, t_ns));
+  step_.kind = MotionPast::Kind::kStill;
   pose->inlier_share = 1;
   if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
 }
 
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   if (quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
-  if (!InertialFits() || !Advance(t_ns, &motion_)) motion_.Coast(t_ns);
+  step_.kind = MotionPast::Kind::kCoasting;
+  step_.inertial = InertialFits() && Advance(t_ns, &motion_);
+  if (!step_.inertial) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
 }
@@ -434,6 +443,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool lost = state_ == TrackingState::kLost && !begun_;
   const bool goes_on = lost && InertialFits() && SecondsFromNs(surface.t_ns - last_found_ns_) < kInertialCoast_s;
   inertial_prior_ = (!lost || goes_on) && Advance(surface.t_edges_ns, &motion_);
+  step_.inertial = inertial_prior_;
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
   const double scale = kEdgeSigma_px * std::sqrt(PointsPerMeasurement(surface));
@@ -455,11 +465,14 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
+    step_.kind = MotionPast::Kind::kCoasting;
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());
-    motion_.Update(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse(),
-                   A.transpose() * result.information * A / (scale * scale), AlignmentScale());
+    const Rigid3 T_world_event = map_->T_world_ref * result.T_event_ref.inverse();
+    const Matrix6d information = A.transpose() * result.information * A / (scale * scale);
+    step_.measured = MotionFilter::LikelihoodOf(predicted, T_world_event, information, AlignmentScale());
+    motion_.Update(surface.t_edges_ns, T_world_event, information, AlignmentScale());
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;

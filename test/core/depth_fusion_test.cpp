@@ -20,7 +20,7 @@ DepthPose PoseAt(std::int64_t t_ns, const Rigid3& T_world_event, double sigma = 
 }
 
 DepthFusion::Estimate EstimateAt(const Rigid3& T_world_event, double sigma = 1e-3) {
-  return {T_world_event, T_world_event, sigma * sigma * Matrix6d::Identity(), Matrix6d::Zero()};
+  return {T_world_event, sigma * sigma * Matrix6d::Identity()};
 }
 
 Vector6d SmallStep() { return (Vector6d() << 1e-3, -5e-4, 8e-4, 3e-4, 5e-4, -2e-4).finished(); }
@@ -37,16 +37,45 @@ TEST(DepthFusion, MovesThePoseByTheShareThatTheTwoCertaintiesSay) {
   EXPECT_LT(little->moved.norm(), 0.02 * SmallStep().norm());
 }
 
-TEST(DepthFusion, WhatWasWrongThenIsCorrectedNow) {
-  const Rigid3 T_then = Exp((Vector6d() << 1, 2, 3, 0.3, -0.2, 0.5).finished());
-  const Rigid3 T_then_now = Exp((Vector6d() << 0.02, -0.03, 0.01, 0.1, 0.2, -0.1).finished());
-  DepthFusion::Estimate estimate = EstimateAt(T_then, 1.0);
-  estimate.T_world_now = T_then * T_then_now;
+TEST(DepthFusion, MovesAPoseLessWhoseVelocityNothingElseTellsTheLongerNoneCame) {
+  const auto share = [](bool guided, int periods) {
+    DepthFusion fusion;
+    DepthFusion::Estimate estimate = EstimateAt(Rigid3());
+    fusion.Correct(PoseAt(kPeriod_ns, Rigid3()), estimate);
+    estimate.guided = guided;
+    const auto correction = fusion.Correct(PoseAt((1 + periods) * kPeriod_ns, Exp(SmallStep())), estimate);
+    return correction ? correction->moved.norm() / SmallStep().norm() : 0;
+  };
+  EXPECT_NEAR(share(true, 10), 0.5, 1e-3);
+  EXPECT_NEAR(share(false, 10), 1.0 / 3, 1e-3);  // the covariance is counted twice
+  EXPECT_GT(share(false, 1), 0.9 * share(true, 1));
+  EXPECT_NEAR(share(false, 100), share(false, 10), 1e-3);
+}
+
+TEST(DepthFusion, SeesMotionSinceATimeInTwoImagesOfThen) {
+  const Rigid3 near = Exp(5 * SmallStep()), far = Exp(10 * SmallStep());
   DepthFusion fusion;
-  const auto correction = fusion.Correct(PoseAt(kPeriod_ns, T_then * Exp(SmallStep())), estimate);
-  ASSERT_TRUE(correction);
-  const Rigid3 expected = T_then * Exp(SmallStep()) * T_then_now;
-  EXPECT_LT(Log(expected.inverse() * estimate.T_world_now * Exp(correction->moved)).norm(), 1e-5);
+  fusion.Correct(PoseAt(1 * kPeriod_ns, far), EstimateAt(Rigid3()));
+  fusion.Correct(PoseAt(3 * kPeriod_ns, Rigid3()), EstimateAt(Rigid3()));
+  EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "one image of then, whatever the one before shows";
+  fusion.Correct(PoseAt(4 * kPeriod_ns, Exp(SmallStep())), EstimateAt(Rigid3()));
+  EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "within noise";
+  DepthPose open = PoseAt(5 * kPeriod_ns, far);
+  open.information(0, 0) = 0;
+  fusion.Correct(open, EstimateAt(Rigid3()));
+  EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "of an image that leaves a direction open";
+  fusion.Correct(PoseAt(6 * kPeriod_ns, near), EstimateAt(Rigid3()));
+  EXPECT_TRUE(fusion.SawMotionSince(2 * kPeriod_ns));
+  EXPECT_FALSE(fusion.SawMotionSince(5 * kPeriod_ns));
+  fusion.Reset();
+  EXPECT_FALSE(fusion.SawMotionSince(0));
+}
+
+TEST(DepthFusion, TakesLittleMotionForASensorThatWarmsUp) {
+  DepthFusion fusion;
+  fusion.Correct(PoseAt(1 * kPeriod_ns, Rigid3(), 1e-5), EstimateAt(Rigid3()));
+  fusion.Correct(PoseAt(2 * kPeriod_ns, Exp(2 * SmallStep()), 1e-5), EstimateAt(Rigid3()));
+  EXPECT_FALSE(fusion.SawMotionSince(0));
 }
 
 TEST(DepthFusion, DoesNotMoveAlongDirectionsThatDepthLeavesOpen) {

@@ -66,6 +66,16 @@ TEST(PoseHistory, IgnoresAPoseThatIsNotNewer) {
   ExpectNear(*history.At(NsFromSeconds(0.25)), PoseAt(0.25));
 }
 
+TEST(PoseHistory, ForgetsWhatIsLaterThanATime) {
+  PoseHistory history = TenPoses();
+  history.ForgetAfter(NsFromSeconds(0.5));
+  EXPECT_EQ(history.last_time_ns(), NsFromSeconds(0.5));
+  history.Add(NsFromSeconds(0.6), PoseAt(5));
+  ExpectNear(history.last(), PoseAt(5));
+  history.ForgetAfter(-1);
+  EXPECT_TRUE(history.empty());
+}
+
 TEST(PoseHistory, ForgetsWhatIsOlderThanItsLength) {
   PoseHistory history(0.35);
   for (int k = 0; k < 10; ++k) history.Add(NsFromSeconds(0.1 * k), PoseAt(0.1 * k));

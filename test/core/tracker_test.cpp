@@ -710,6 +710,35 @@ TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionTh
   EXPECT_NEAR((held.inverse() * pose->T_world_event).translation().x(), 0.2, 0.03);
 }
 
+TEST(Tracker, EndsAStandstillAtOnceWhereDepthHasSeenMotionSinceItBegan) {
+  const auto moved = [](bool seen_before) {
+    const auto tracker = Moving();
+    std::int64_t t_ns = kNow_ns;
+    std::optional<PoseEstimate> pose;
+    for (int k = 0; k < 100; ++k) pose = tracker->Track(Still(t_ns += kPeriod_ns));
+    const Rigid3 held = pose->T_world_event;
+    if (seen_before) tracker->AddDepthPose(ByDepth(t_ns, held));
+    for (int k = 0; k < 20; ++k) tracker->Track(Still(t_ns += kPeriod_ns));
+    tracker->AddDepthPose(ByDepth(t_ns, held * Rigid3::Translation({0.03, 0, 0})));
+    pose = tracker->Track(Still(t_ns += kPeriod_ns));
+    return (held.inverse() * pose->T_world_event).translation().x();
+  };
+  EXPECT_NEAR(moved(true), 0.03, 0.01);
+  EXPECT_NEAR(moved(false), 0, 1e-9) << "one image alone may be wrong";
+}
+
+TEST(Tracker, IsToldOfItsVelocityByDepthThatComesLate) {
+  // Nothing but depth knows of the motion: what matches is too little.
+  const auto tracker = Moving();
+  const Vector6d velocity = 1.5 * Twist();
+  const auto at = [&](int k) { return TrueAt(kNow_ns) * Exp(velocity * SecondsFromNs(k * kPeriod_ns)); };
+  for (int k = 1; k <= 45; ++k) {
+    if (k > 6 && k % 3 == 0) tracker->AddDepthPose(ByDepth(kNow_ns + (k - 6) * kPeriod_ns, at(k - 6)));
+    tracker->Track(Still(kNow_ns + k * kPeriod_ns, 0));
+  }
+  EXPECT_LT((tracker->SurfaceVelocity() - velocity).norm(), 0.1);
+}
+
 TEST(Tracker, TakesNoVelocityInAStandstillFromADepthImageOfBefore) {
   const auto tracker = Moving();
   const Rigid3 off = Rigid3::Translation({0.05, 0, 0}), stopped = TrueAt(kNow_ns);
@@ -738,7 +767,7 @@ TEST(Tracker, BelievesDepthWhereSurfacesMatchNextToNothing) {
     ASSERT_TRUE(pose);
   }
   EXPECT_NE(pose->state, TrackingState::kLost);
-  EXPECT_LT((at(19).inverse() * pose->T_world_event).translation().norm(), 0.015);  // 0.03 without
+  EXPECT_LT((at(19).inverse() * pose->T_world_event).translation().norm(), 0.02);  // 0.03 without
 }
 
 TEST(Tracker, TakesTheEndOfTheEventsOfASlowCameraForAStop) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 
 #include "devo/core/depth_pose.h"
@@ -18,19 +19,23 @@ class DepthFusion {
  public:
   /// What a pose by depth is compared with.
   struct Estimate {
-    Rigid3 T_world_then, T_world_now;  ///< of the event camera, at the depth image's time and at the newest surface's
-    Matrix6d covariance;               ///< of a right perturbation [rho; phi] (m, rad) of T_world_now
-    Matrix6d covariance_since;         ///< of the motion from then to now
-    double variance_scale = 1;         ///< of what is stated of poses, as far as known without depth
-    bool doubtful = false;             ///< less than usual of what was seen matches: it may be farther off than stated
+    Rigid3 T_world_event;       ///< at the depth image's time
+    Matrix6d covariance;        ///< of a right perturbation [rho; phi] (m, rad) of it
+    double variance_scale = 1;  ///< of what is stated of poses, as far as known without depth
+    bool guided = true;         ///< an inertial sensor tells of the velocity, too
+    bool doubtful = false;      ///< less than usual of what was seen matches: it may be farther off than stated
   };
   struct Correction {
-    Vector6d moved;        ///< right perturbation of T_world_now to the most probable pose
+    Vector6d moved;        ///< right perturbation of T_world_event to the most probable pose
     Matrix6d information;  ///< of the depth alone, on such a perturbation
   };
   /// Depth poses in the order of their time. Empty where the two contradict each other; but one that leaves a direction
   /// open, and so cannot replace a doubtful pose, corrects it in the others.
   std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
+
+  /// Whether depth has seen the camera move since this time, from which on it is thought to stand: between two images
+  /// of then, which err alike. False until there are two.
+  bool SawMotionSince(std::int64_t t_ns) const;
 
   /// Of the last depth images in a row, those that leave a direction open not counted.
   int contradictions() const { return contradictions_; }
@@ -53,6 +58,7 @@ class DepthFusion {
   int contradictions_ = 0;
   std::int64_t agreed_ns_ = 0, found_ns_ = 0;
   std::optional<DepthPose> last_;
+  std::deque<DepthPose> past_;  // of the last moment, that know all directions
   Vector6d velocity_ = Vector6d::Zero();
   std::int64_t velocity_since_ns_ = 0;
   ErrorScale error_scale_;

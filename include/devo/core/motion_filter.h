@@ -55,6 +55,19 @@ class MotionFilter {
   /// judging the inertial sensor only.
   void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information, double variance_scale = 1);
 
+  /// What a measurement says of a pose, whatever was predicted: to second order about `T_world_event`.
+  struct Likelihood {
+    Rigid3 T_world_event;
+    Matrix6d information;   ///< on a right perturbation
+    Vector6d gradient;      ///< of half the squared error
+    double variance_scale;  ///< as of Update
+  };
+  /// Of the measurement that found this pose together with that prediction.
+  static Likelihood LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_event, const Matrix6d& information,
+                                 double variance_scale);
+  /// The same as the other, whatever this filter predicts.
+  void Update(std::int64_t t_ns, const Likelihood& measured);
+
   /// Which way is down, from the mean specific force (m/s^2, event frame) over `span_s` before: the longer, the less a
   /// change of velocity counts in it. To be called once, before Advance, which otherwise takes its first reading. A
   /// force that cannot be gravity is not taken.
@@ -68,6 +81,9 @@ class MotionFilter {
   /// readings over the whole rest, where it is known for certain; without it they count as if it moved.
   void HoldStill(std::int64_t t_ns, const std::optional<InertialMean>& inertial = std::nullopt,
                  const std::optional<InertialScatter>& scatter = std::nullopt);
+
+  /// Goes on with the prediction, to what is measured then.
+  void GoOn(std::int64_t t_ns);
 
   /// Nothing was measured: goes on with the prediction, slowing down.
   void Coast(std::int64_t t_ns);

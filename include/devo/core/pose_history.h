@@ -30,6 +30,9 @@ class PoseHistory {
   /// Left-multiplies all poses: they were measured in a world that was off by this.
   void Move(const Rigid3& T_new_old);
 
+  /// All that are later.
+  void ForgetAfter(std::int64_t t_ns);
+
   bool empty() const { return poses_.empty(); }
   std::int64_t last_time_ns() const { return poses_.back().t_ns; }
   const Rigid3& last() const { return poses_.back().T_world_event; }

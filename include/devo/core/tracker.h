@@ -17,6 +17,7 @@
 #include "devo/core/local_map.h"
 #include "devo/core/match_quality.h"
 #include "devo/core/motion_filter.h"
+#include "devo/core/motion_past.h"
 #include "devo/core/options.h"
 #include "devo/core/pose_estimate.h"
 #include "devo/core/pose_history.h"
@@ -68,6 +69,8 @@ class Tracker {
   void BeginChapter(const LocalMap& map);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);
+  /// By depth, since it is held.
+  bool IsSeenMoving() const;
   /// A pose by depth, moved to now, does not fit: without events it is believed when another says so, too.
   void Contradict(const DepthPose& depth, const Rigid3& T_world_now);
   /// From where depth contradicts; false: that is no better.
@@ -112,10 +115,13 @@ class Tracker {
   Camera camera_;
   LocalMapPtr map_;
   MotionFilter motion_;
+  MotionPast past_;
+  MotionPast::Step step_;  // that motion_ is making
   InertialBuffer inertial_;
   RestDetector rest_;  // until tracking starts
   PoseHistory history_;
   DepthFusion depth_fusion_;
+  std::int64_t held_since_ns_ = 0;          // where held_
   bool held_ = false, coasting_ = false;    // at the last surface: the camera stood still; events were missing
   std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
   EventActivity activity_;

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/motion_past.h"
+
+#include <algorithm>
+
+#include "devo/core/depth_image.h"
+#include "devo/core/time.h"
+
+namespace devo {
+namespace {
+
+/// As far as `t_ns`, which is within the step or its end; nothing is measured there.
+void Follow(const MotionPast::Step& step, std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion) {
+  const auto read = ReadSince(*motion, t_ns, inertial);
+  if (step.kind == MotionPast::Kind::kStill) {
+    motion->HoldStill(t_ns, read);
+  } else if (step.inertial && read) {
+    motion->Advance(t_ns, *read);
+  } else if (step.kind == MotionPast::Kind::kCoasting) {
+    motion->Coast(t_ns);
+  } else {
+    motion->GoOn(t_ns);
+  }
+}
+
+}  // namespace
+
+std::optional<InertialMean> ReadSince(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial) {
+  const std::int64_t delay_ns = NsFromSeconds(motion.delay_s());
+  return inertial.Mean(motion.time_ns() - delay_ns, t_ns - delay_ns);
+}
+
+void MotionPast::Note(const MotionFilter& before, const Step& step) {
+  steps_.push_back({before, step});
+  while (SecondsFromNs(step.t_ns - steps_.front().step.t_ns) > kMaxDepthLatency_s) steps_.pop_front();
+}
+
+std::optional<MotionFilter> MotionPast::At(std::int64_t t_ns, const MotionFilter& now,
+                                           const InertialBuffer& inertial) const {
+  if (t_ns == now.time_ns()) return now;
+  const auto within =
+      std::find_if(steps_.begin(), steps_.end(), [t_ns](const Made& made) { return made.step.t_ns > t_ns; });
+  if (within == steps_.end() || within->before.time_ns() > t_ns) return std::nullopt;
+  MotionFilter motion = within->before;
+  if (motion.time_ns() < t_ns) Follow(within->step, t_ns, inertial, &motion);
+  return motion;
+}
+
+MotionFilter MotionPast::Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history) {
+  const std::int64_t t_ns = then.time_ns();
+  while (!steps_.empty() && steps_.front().step.t_ns <= t_ns) steps_.pop_front();
+  const auto T_world_before = history->At(t_ns);
+  const Rigid3 moved = T_world_before ? then.pose() * T_world_before->inverse() : Rigid3();
+  history->Move(moved);
+  history->ForgetAfter(t_ns);
+  MotionFilter motion = then;
+  for (Made& made : steps_) {
+    made.before = motion;
+    Follow(made.step, made.step.t_ns, inertial, &motion);
+    if (made.step.measured) {
+      made.step.measured->T_world_event = moved * made.step.measured->T_world_event;
+      motion.Update(made.step.t_ns, *made.step.measured);
+    }
+    history->Add(motion.time_ns(), motion.pose());
+  }
+  return motion;
+}
+
+}  // namespace devo

@@ -2,7 +2,6 @@
 #include "devo/core/error_scale.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "devo/core/time.h"
 
@@ -11,8 +10,7 @@ namespace {
 
 constexpr double kMinSpan_s = 0.5, kMaxSpan_s = 1.2;  // one of 1 s at all rates from 1 Hz
 // Of a squared difference over its expectation where what is stated of the poses is right: both are stated cautiously.
-// Less where the images follow each other soon: what one errs, the pose that the next is compared with has of it.
-constexpr double kUsual = 0.38, kCommonShare = 0.5, kAlike_s = 0.1;
+constexpr double kUsual = 0.38;
 // Errors are alike for tenths of a second: it takes some of them to know.
 constexpr double kForgets_s = 3;
 constexpr double kPrior_s = 1;  // of it are the scale before anything is known
@@ -29,10 +27,8 @@ void ErrorScale::Note(std::int64_t t_ns, const Vector6d& apart, const Matrix6d& 
   const double square = NormalisedSquare(came_apart, stated) / (2 * 6);
   known_s_ += since_s;
   const double share = since_s / std::min(known_s_ + kPrior_s, kForgets_s);
-  scale_ += std::min(1.0, share) * (std::min(square / Usual(since_s), kMaxScale) - scale_);
+  scale_ += std::min(1.0, share) * (std::min(square / kUsual, kMaxScale) - scale_);
 }
-
-double ErrorScale::Usual(double since_s) { return kUsual * (1 - kCommonShare * std::exp(-since_s / kAlike_s)); }
 
 double ErrorScale::variance_scale() const { return std::clamp(scale_, kMinScale, kMaxScale); }
 

@@ -27,9 +27,6 @@ class ErrorScale {
   /// What is stated is cautious (it counts what a motion might have done).
   static constexpr double kFirstScale = 0.28;
 
-  /// Squared difference over its expectation where what is stated is right, of images that follow each other so.
-  static double Usual(double since_s);
-
   struct Difference {
     std::int64_t t_ns;
     Vector6d apart;

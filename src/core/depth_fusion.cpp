@@ -25,6 +25,12 @@ constexpr double kMaxDelay_s = 0.05;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
+// What is stated is cautious (it counts what a motion might have done), but does not know that errors of events last
+// until depth mends them.
+constexpr double kStatedGuided = 0.37, kStatedAlone = 0.22;
+constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthGuided = 0.2, kGrowthAlone = 0.5;
+// How events and depth come apart is known from few moments: by itself it says half of what it seems to, as a power.
+constexpr double kErrorExponent = 0.5;
 
 }  // namespace
 
@@ -49,6 +55,12 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
   const Matrix6d I = Matrix6d::Identity();
   const Matrix6d covariance = first->information.ldlt().solve(I) + past_.back().information.ldlt().solve(I);
   return moved.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
+}
+
+double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
+  const double since_s = std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s);
+  return (guided ? kStatedGuided : kStatedAlone) * std::pow(error_scale_.variance_scale(), kErrorExponent) *
+         std::pow(1 + since_s / kAgrees_s, guided ? kGrowthGuided : kGrowthAlone);
 }
 
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {

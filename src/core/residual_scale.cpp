@@ -13,7 +13,7 @@ constexpr double kMaxSince_s = 0.1;  // after a standstill one surface says no m
 constexpr double kUsual_px = 0.26, kUsual_px_s = 100;
 // Where errors are alike for all edges they are proportional to the speed, where each has its own they do not depend on
 // it: of their variances, something in between.
-constexpr double kSpeedExponent = 0.6;
+constexpr double kSpeedExponent = 0.75;
 // Calibration errs too, and shows in neither.
 constexpr double kMinScale = 0.25, kMaxScale = 10;
 

@@ -51,9 +51,6 @@ constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not t
 constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
-// Of variances: without an inertial sensor the motion between depth images is known a little better than it seems, as
-// what few events tell is counted cautiously.
-constexpr double kUnguided = 0.8;
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
@@ -115,8 +112,8 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   const Rigid3 T_world_then = then->pose();
   Matrix6d covariance = then->pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
-  const auto correction = depth_fusion_.Correct(
-      depth, {T_world_then, covariance, AlignmentScale(), FollowsInertial(), quality_.suspicious_in_a_row() > 0});
+  const auto correction = depth_fusion_.Correct(depth, {T_world_then, covariance, residual_scale_.variance_scale(),
+                                                        FollowsInertial(), quality_.suspicious_in_a_row() > 0});
   if (correction && !held_) {
     then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
     motion_ = past_.Again(*then, inertial_, &history_);
@@ -311,12 +308,9 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->covariance_event = StatedCovariance(now);
 }
 
-double Tracker::AlignmentScale() const {
-  return (FollowsInertial() ? 1 : kUnguided) * residual_scale_.variance_scale();
-}
-
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
-  Matrix6d covariance = depth_fusion_.variance_scale() * AlignmentScale() * now.covariance;
+  Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), FollowsInertial()) *
+                        residual_scale_.variance_scale() * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * motion_.delay_s(), 2)
@@ -471,8 +465,9 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());
     const Rigid3 T_world_event = map_->T_world_ref * result.T_event_ref.inverse();
     const Matrix6d information = A.transpose() * result.information * A / (scale * scale);
-    step_.measured = MotionFilter::LikelihoodOf(predicted, T_world_event, information, AlignmentScale());
-    motion_.Update(surface.t_edges_ns, T_world_event, information, AlignmentScale());
+    step_.measured =
+        MotionFilter::LikelihoodOf(predicted, T_world_event, information, residual_scale_.variance_scale());
+    motion_.Update(surface.t_edges_ns, T_world_event, information, residual_scale_.variance_scale());
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;

@@ -120,6 +120,35 @@ TEST(DepthFusion, AnImageThatLeavesADirectionOpenCorrectsADoubtfulPoseInTheOther
   EXPECT_FALSE(DepthFusion().Correct(PoseAt(kPeriod_ns, Exp(100 * SmallStep())), estimate));
 }
 
+TEST(DepthFusion, StatesLargerErrorsTheLongerNoDepthHasAgreedMostWithoutAnInertialSensor) {
+  DepthFusion fusion;
+  fusion.Correct(PoseAt(kPeriod_ns, Rigid3()), EstimateAt(Rigid3()));
+  const auto growth = [&fusion](int periods, bool guided) {
+    return fusion.VarianceScale((1 + periods) * kPeriod_ns, guided) / fusion.VarianceScale(kPeriod_ns, guided);
+  };
+  EXPECT_EQ(growth(0, true), 1);
+  EXPECT_GT(growth(30, true), 1.3);
+  EXPECT_GT(growth(30, false), 1.5 * growth(30, true));
+  EXPECT_EQ(growth(1000, false), growth(100, false)) << "bounded, however long it is missing";
+  const double never = DepthFusion().VarianceScale(1000 * kPeriod_ns, false);
+  EXPECT_NEAR(never, fusion.VarianceScale(1000 * kPeriod_ns, false), 1e-12)
+      << "none has agreed yet: as after a long gap";
+  EXPECT_EQ(fusion.VarianceScale(0, true), fusion.VarianceScale(kPeriod_ns, true)) << "of a pose before the image";
+}
+
+TEST(DepthFusion, StatesLargerErrorsWhereEventsAndDepthComeApartMore) {
+  const auto scale = [](double step) {
+    DepthFusion fusion;
+    for (int k = 1; k < 100; ++k) {
+      const Rigid3 T_world_event = Exp((k % 2 ? step : -step) * SmallStep());
+      fusion.Correct(PoseAt(k * kPeriod_ns, T_world_event), EstimateAt(Rigid3()));
+    }
+    return fusion.VarianceScale(100 * kPeriod_ns, true);
+  };
+  EXPECT_GT(scale(2), 1.5 * scale(1));
+  EXPECT_LT(scale(2), 2.5 * scale(1)) << "few moments: half of what they say, as a power";
+}
+
 TEST(DepthFusion, ImagesThatFollowEachOtherSoonCountForLess) {
   DepthFusion fusion;
   const double first = fusion.Correct(PoseAt(kPeriod_ns, Rigid3()), EstimateAt(Rigid3()))->information(0, 0);

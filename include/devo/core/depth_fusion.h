@@ -44,8 +44,9 @@ class DepthFusion {
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }
-  /// By how events and depth come apart: squared errors of poses over what is stated of them.
-  double variance_scale() const { return error_scale_.variance_scale(); }
+  /// Squared errors of poses at this time over what is stated of them, by how events and depth come apart and by how
+  /// long no depth has agreed. `guided` as in Estimate.
+  double VarianceScale(std::int64_t t_ns, bool guided) const;
 
   void Reset() { *this = DepthFusion(); }
 

@@ -80,8 +80,6 @@ class Tracker {
   double Flow(const Vector6d& velocity_event) const;
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
-  /// Of the filter's variances, by what alignments show; depth tells the rest.
-  double AlignmentScale() const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
   /// That err together, in an alignment to this surface.

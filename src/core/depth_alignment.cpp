@@ -156,10 +156,10 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
     const Eigen::Vector3f n = R.transpose() * surface.n;
     Vector6d row;
     row << n.cast<double>(), cell.p.cross(n).cast<double>();
-    equations.H.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
-    equations.g += weight * distance * row;
+    const Vector6d weighted = weight * row;
+    equations.H.noalias() += weighted * row.transpose();
+    equations.g.noalias() += distance * weighted;
   }
-  equations.H = Matrix6d(equations.H.selfadjointView<Eigen::Lower>());
   return equations;
 }
 

@@ -82,6 +82,84 @@ Cluster Foreground(Neighbour* first, Neighbour* last, bool without_flying) {
   return {last, last, 0, 0};
 }
 
+/// A row of a depth image and the rays of its pixels.
+struct DepthRow {
+  const float *z, *ray_x, *ray_y;
+  int columns;
+};
+
+/// Where its readings fall: u and v half a pixel ahead, so that truncation rounds; index of the pixel in the event
+/// image and of its cell, -1 outside.
+struct WarpedRow {
+  float *z, *u, *v;
+  int *pixel, *cell;
+};
+
+/// From the depth camera to the event image.
+struct ReadingWarp {
+  Eigen::Matrix3f R;
+  Eigen::Vector3f t;
+  float min_m, max_m, fx, fy, cx, cy;
+  int width, height, cells_per_row;
+};
+
+DEVO_ALWAYS_INLINE float IsTrue(bool condition) { return condition ? 1.0F : 0.0F; }
+
+/// Of a place in an image of less than 2^24 pixels, which a float counts exactly: unlike whole numbers, floats are
+/// multiplied many at once by any processor.
+DEVO_ALWAYS_INLINE int Index(int row, int column, float width) {
+  return static_cast<int>(static_cast<float>(row) * width + static_cast<float>(column));
+}
+
+/// Returns the number of valid readings. A loop without branches, so that the compiler takes as many at once as
+/// registers hold.
+DEVO_ALWAYS_INLINE int WarpReadings(const ReadingWarp& by, const DepthRow& in, const WarpedRow& out) {
+  const float r00 = by.R(0, 0), r01 = by.R(0, 1), r02 = by.R(0, 2), r10 = by.R(1, 0), r11 = by.R(1, 1),
+              r12 = by.R(1, 2), r20 = by.R(2, 0), r21 = by.R(2, 1), r22 = by.R(2, 2);
+  const float tx = by.t.x(), ty = by.t.y(), tz = by.t.z(), cx = by.cx + 0.5F, cy = by.cy + 0.5F;
+  const auto width = static_cast<float>(by.width), height = static_cast<float>(by.height);
+  const float min_m = by.min_m, max_m = by.max_m, fx = by.fx, fy = by.fy;
+  const auto cells_per_row = static_cast<float>(by.cells_per_row);
+  const int readings = in.columns;
+  const float* __restrict read = in.z, * __restrict ray_x = in.ray_x, * __restrict ray_y = in.ray_y;
+  float* __restrict out_z = out.z, * __restrict out_u = out.u, * __restrict out_v = out.v;
+  int* __restrict out_pixel = out.pixel, * __restrict out_cell = out.cell;
+  int valid = 0;
+#pragma GCC ivdep
+  for (int x = 0; x < readings; ++x) {
+    const float z = ValidDepthOrZero(read[x], min_m, max_m), a = ray_x[x], b = ray_y[x];
+    const float Z = z * (r20 * a + r21 * b + r22) + tz;
+    const float X = z * (r00 * a + r01 * b + r02) + tx;
+    const float Y = z * (r10 * a + r11 * b + r12) + ty;
+    // Conditions as numbers, which are multiplied in place of branches. The second also drops pixels without a ray
+    // (NaN).
+    const float good = IsTrue(z > 0) * IsTrue(Z > 0.01F);
+    const float inverse_depth = 1 / Z;
+    const float u = fx * X * inverse_depth + cx, v = fy * Y * inverse_depth + cy;
+    const float inside = good * IsTrue(u >= 0) * IsTrue(v >= 0) * IsTrue(u < width) * IsTrue(v < height);
+    // Before the conversion: of values beyond an int, or that are none, it is undefined.
+    const int column = static_cast<int>(std::min(std::max(0.0F, u), width));
+    const int row = static_cast<int>(std::min(std::max(0.0F, v), height));
+    const int outside = static_cast<int>(inside) - 1;  // all bits or none
+    valid += static_cast<int>(good);
+    out_z[x] = Z;
+    out_u[x] = u;
+    out_v[x] = v;
+    out_pixel[x] = Index(row, column, width) | outside;
+    out_cell[x] = Index(row >> kCellBits, column >> kCellBits, cells_per_row) | outside;
+  }
+  return valid;
+}
+
+int WarpReadingsPortable(const ReadingWarp& by, const DepthRow& in, const WarpedRow& out) {
+  return WarpReadings(by, in, out);
+}
+#ifdef DEVO_AVX2
+DEVO_AVX2 int WarpReadingsAvx2(const ReadingWarp& by, const DepthRow& in, const WarpedRow& out) {
+  return WarpReadings(by, in, out);
+}
+#endif
+
 /// Sets a square of kWidth x kWidth pixels; the fixed width makes each row a few plain stores.
 template <int kWidth>
 void FillSquare(std::uint8_t* first, std::size_t step) {
@@ -118,70 +196,6 @@ void DepthRegistration::MarkNeighbourhoods(const std::vector<EdgePoint>& edges) 
   }
 }
 
-int DepthRegistration::WarpRow(const float* z_depth, int y, const Eigen::Matrix3f& R, const Eigen::Vector3f& t) {
-  const auto fx = static_cast<float>(event_camera_.fx()), fy = static_cast<float>(event_camera_.fy());
-  const auto cx = static_cast<float>(event_camera_.cx()) + 0.5F, cy = static_cast<float>(event_camera_.cy()) + 0.5F;
-  const auto width = static_cast<float>(event_camera_.width()), height = static_cast<float>(event_camera_.height());
-  const auto min_m = static_cast<float>(options_.min_depth_m), max_m = static_cast<float>(options_.max_depth_m);
-  const auto *ray_x = depth_rays_[0].ptr<float>(y), *ray_y = depth_rays_[1].ptr<float>(y);
-  const int columns = depth_rays_[0].cols;
-  int valid = 0, x = 0;
-  const auto warp = [&](float z, float a, float b) {
-    z = ValidDepthOrZero(z, min_m, max_m);
-    const float Z = z * (R(2, 0) * a + R(2, 1) * b + R(2, 2)) + t.z();
-    const float X = z * (R(0, 0) * a + R(0, 1) * b + R(0, 2)) + t.x();
-    const float Y = z * (R(1, 0) * a + R(1, 1) * b + R(1, 2)) + t.y();
-    const bool good = z > 0 && Z > 0.01F;  // also drops pixels without a ray (NaN)
-    const float inverse_depth = 1 / Z;
-    // Half a pixel ahead: truncation rounds.
-    const float u = fx * X * inverse_depth + cx, v = fy * Y * inverse_depth + cy;
-    const bool inside = good && u >= 0 && v >= 0 && u < width && v < height;
-    valid += good;
-    row_z_[x] = Z;
-    row_u_[x] = u;
-    row_v_[x] = v;
-    row_pixel_[x] = inside ? static_cast<int>(v) * wanted_.cols + static_cast<int>(u) : -1;
-    row_cell_[x] = inside ? static_cast<int>(v) / kCell * cell_depth_.cols + static_cast<int>(u) / kCell : -1;
-  };
-#if CV_SIMD128
-  // The same operations in the same order, four readings at a time.
-  using cv::v_float32x4;
-  using cv::v_int32x4;
-  const auto all = [](float value) { return cv::v_setall_f32(value); };
-  const auto line = [&](const v_float32x4& a, const v_float32x4& b, int row) {
-    return all(R(row, 0)) * a + all(R(row, 1)) * b + all(R(row, 2));
-  };
-  // Of two numbers below 2^15 each, which are those of an image: multiplied and added at once.
-  const auto index = [](const v_int32x4& rows, const v_int32x4& columns, int width) {
-    return cv::v_dotprod(cv::v_reinterpret_as_s16((rows << 16) | columns),
-                         cv::v_reinterpret_as_s16(cv::v_setall_s32(width << 16 | 1)));
-  };
-  v_int32x4 valid4 = cv::v_setzero_s32();
-  for (; x + 4 <= columns; x += 4) {
-    const v_float32x4 read = cv::v_load(z_depth + x), a = cv::v_load(ray_x + x), b = cv::v_load(ray_y + x);
-    const v_float32x4 z = read & (read >= all(min_m)) & (read <= all(max_m));
-    const v_float32x4 Z = z * line(a, b, 2) + all(t.z());
-    const v_float32x4 X = z * line(a, b, 0) + all(t.x());
-    const v_float32x4 Y = z * line(a, b, 1) + all(t.y());
-    const v_float32x4 good = (z > all(0)) & (Z > all(0.01F)), inverse_depth = all(1) / Z;
-    const v_float32x4 u = all(fx) * X * inverse_depth + all(cx), v = all(fy) * Y * inverse_depth + all(cy);
-    const v_float32x4 inside = good & (u >= all(0)) & (v >= all(0)) & (u < all(width)) & (v < all(height));
-    const v_int32x4 row = cv::v_trunc(v), column = cv::v_trunc(u), outside = ~cv::v_reinterpret_as_s32(inside);
-    const v_int32x4 pixel = index(row, column, wanted_.cols);
-    const v_int32x4 cell = index(row >> kCellBits, column >> kCellBits, cell_depth_.cols);
-    valid4 = valid4 - cv::v_reinterpret_as_s32(good);  // a mask is -1
-    cv::v_store(row_z_.data() + x, Z);
-    cv::v_store(row_u_.data() + x, u);
-    cv::v_store(row_v_.data() + x, v);
-    cv::v_store(row_pixel_.data() + x, pixel | outside);
-    cv::v_store(row_cell_.data() + x, cell | outside);
-  }
-  valid = cv::v_reduce_sum(valid4);
-#endif
-  for (; x < columns; ++x) warp(z_depth[x], ray_x[x], ray_y[x]);
-  return valid;
-}
-
 int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth, const std::vector<EdgePoint>& edges) {
   const cv::Size size = depth_rays_[0].size();
   if (depth.depth_m.size() != size) {
@@ -193,13 +207,27 @@ int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth
   MarkNeighbourhoods(edges);
   first_.setTo(-1);
   cell_depth_.setTo(0);
-  const Eigen::Matrix3f R = T_event_depth.rotation().toRotationMatrix().cast<float>();
-  const Eigen::Vector3f t = T_event_depth.translation().cast<float>();
+  const ReadingWarp by{T_event_depth.rotation().toRotationMatrix().cast<float>(),
+                       T_event_depth.translation().cast<float>(),
+                       static_cast<float>(options_.min_depth_m),
+                       static_cast<float>(options_.max_depth_m),
+                       static_cast<float>(event_camera_.fx()),
+                       static_cast<float>(event_camera_.fy()),
+                       static_cast<float>(event_camera_.cx()),
+                       static_cast<float>(event_camera_.cy()),
+                       event_camera_.width(),
+                       event_camera_.height(),
+                       cell_depth_.cols};
+  auto warp = WarpReadingsPortable;
+#ifdef DEVO_AVX2
+  if (HasAvx2()) warp = WarpReadingsAvx2;
+#endif
   int valid = 0, count = 0, *first = first_.ptr<int>();
   const std::uint8_t* wanted = wanted_.ptr<std::uint8_t>();
   float* cells = cell_depth_.ptr<float>();
   for (int y = 0; y < size.height; ++y) {
-    valid += WarpRow(depth.depth_m[y], y, R, t);
+    valid += warp(by, {depth.depth_m[y], depth_rays_[0].ptr<float>(y), depth_rays_[1].ptr<float>(y), size.width},
+                  {row_z_.data(), row_u_.data(), row_v_.data(), row_pixel_.data(), row_cell_.data()});
     // Neighbouring readings mostly fall into one cell: its nearest is kept at hand.
     float nearest = 0;
     int cell = -1;

@@ -70,9 +70,6 @@ class DepthRegistration {
   void FetchLists(const EdgePoint& edge) const;
   void FetchReadings(const EdgePoint& edge) const;
 
-  /// Warps row `y` of a depth image into row_z_ and so on; returns the number of valid readings.
-  int WarpRow(const float* z_depth, int y, const Eigen::Matrix3f& R, const Eigen::Vector3f& t);
-
   Camera event_camera_;
   MappingOptions options_;
   std::vector<cv::Mat> depth_rays_;  // x and y of the rays (x, y, 1), one image each

@@ -14,6 +14,9 @@ namespace devo {
 namespace {
 
 constexpr int kMinMatched = 30;  // fewer points hold no pose, however large their share
+// Far from their edges points find their way; near to them what is still farther off than this share of the truncation
+// is most often beside another edge, and what the loss tolerates may be as much smaller.
+constexpr double kFineShare = 0.5;
 
 /// Points that should show in the surface, with what their edges look like from the start pose.
 void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
@@ -71,6 +74,24 @@ void CountMatches(const AlignmentProblem& problem, AlignmentResult* result) {
   result->mean_residual_px = matched > 0 ? residual / matched : 0;
 }
 
+struct Minimum {
+  Vector6d moved;  // right perturbation, from where the problem was made
+  double cost;     // mean over the points
+};
+
+/// Brings the pose of `result`, at which the problem was made, to the minimum, in what is left of all iterations.
+Minimum Minimise(const AlignmentProblem& problem, int max_iterations, AlignmentResult* result) {
+  ceres::TinySolver<CompressedProblem> solver;
+  solver.options.max_num_iterations = max_iterations - result->iterations;
+  solver.options.parameter_tolerance = 1e-6;
+  solver.options.function_tolerance = 3e-3;  // beyond it, matches flicker and the pose does not get better
+  Vector6d delta = Vector6d::Zero();
+  const auto summary = solver.Solve(CompressedProblem(problem), &delta);
+  result->T_event_ref = result->T_event_ref * Exp(delta);
+  result->iterations += summary.iterations;
+  return {delta, summary.final_cost / std::max(problem.NumResiduals() - 6, 1)};
+}
+
 }  // namespace
 
 AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
@@ -78,21 +99,20 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
   // Kept from call to call, so that nothing is allocated per pose.
   thread_local std::vector<AlignmentPoint> prepared;
   PreparePoints(points, surface, camera, prior, velocity_event, options, &prepared);
-  const AlignmentProblem problem(prepared, surface, camera, prior, prior.T_event_ref, options);
-
-  ceres::TinySolver<CompressedProblem> solver;
-  solver.options.max_num_iterations = options.tracking.max_iterations;
-  solver.options.parameter_tolerance = 1e-6;
-  solver.options.function_tolerance = 3e-3;  // beyond it, matches flicker and the pose does not get better
-  Vector6d delta = Vector6d::Zero();
-  const auto summary = solver.Solve(CompressedProblem(problem), &delta);
-
   AlignmentResult result;
-  result.T_event_ref = prior.T_event_ref * Exp(delta);
-  result.iterations = summary.iterations;
-  result.cost = summary.final_cost / std::max<std::size_t>(prepared.size(), 1);
-  result.information = problem.SumsAt(delta, true).of_points;
-  CountMatches(problem, &result);
+  result.T_event_ref = prior.T_event_ref;
+  const AlignmentProblem coarse(prepared, surface, camera, prior, result.T_event_ref, options);
+  const Minimum near = Minimise(coarse, options.tracking.max_iterations, &result);
+  result.cost = near.cost;
+  const bool may_go_on = result.iterations < options.tracking.max_iterations;
+  if (options.tracking.ideas.fine_alignment && may_go_on && !surface.nearest_edge.empty()) {
+    const AlignmentProblem fine(prepared, surface, camera, prior, result.T_event_ref, options, kFineShare);
+    const Minimum best = Minimise(fine, options.tracking.max_iterations, &result);
+    result.information = fine.SumsAt(best.moved, true).of_points;
+  } else {
+    result.information = coarse.SumsAt(near.moved, true).of_points;
+  }
+  CountMatches(coarse, &result);
   return result;
 }
 

@@ -37,10 +37,10 @@ struct RobustRoot {
 
 AlignmentProblem::AlignmentProblem(const std::vector<AlignmentPoint>& points, const Surface& surface,
                                    const Camera& camera, const PosePrior& prior, const Rigid3& T_event_ref,
-                                   const OdometryOptions& options)
+                                   const OdometryOptions& options, double truncation_share)
     : points_(points), surface_(surface), camera_(camera), prior_(prior), T_event_ref_(T_event_ref),
       plain_(surface.nearest_edge.empty()),
-      truncation_(plain_ ? 1.0F : static_cast<float>(options.surface.truncation_px)),
+      truncation_(plain_ ? 1.0F : static_cast<float>(truncation_share * options.surface.truncation_px)),
       huber_(truncation_ * static_cast<float>(options.tracking.huber_share)),
       unmatched_(options.tracking.ideas.unmatched_cost ? RobustRoot(truncation_, huber_).value : 0.0F) {}
 

@@ -280,6 +280,27 @@ TEST(Alignment, ChargesForPointsWithoutAnEdgeUnlessThatIsSwitchedOff) {
   EXPECT_EQ(cost(off), 0);
 }
 
+TEST(Alignment, LooksCloserOnceItIsNearSoThatEdgesBesideTheTrueOnesPullLess) {
+  const auto points = Scene();
+  Surface surface = Seen(points, Rigid3());
+  // Of every third crest only a neighbour is seen, 2.5 px beside it and always to the right.
+  for (std::size_t i = 0; i < surface.edges.size(); i += 3) surface.edges[i].x += 2.5F;
+  BuildNearestEdgeField(surface.edges, 4, &surface.nearest_edge);
+  const auto error_px = [&](const OdometryOptions& options) {
+    const PosePrior start = WeakPrior(Exp(0.003 * Vector6d::Ones()));
+    const auto result = Align(points, surface, TestCamera(), start, Vector6d::Zero(), options);
+    double sum = 0;
+    for (const MapPoint& point : points) {
+      const Eigen::Vector3d p = point.p_ref.cast<double>();
+      sum += (*TestCamera().Project(result.T_event_ref * p) - *TestCamera().Project(p)).norm();
+    }
+    return sum / static_cast<double>(points.size());
+  };
+  OdometryOptions once;
+  once.tracking.ideas.fine_alignment = false;
+  EXPECT_LT(error_px(OdometryOptions()), 0.7 * error_px(once));
+}
+
 TEST(Alignment, WithoutPointsOrEdgesStaysAtThePrior) {
   const Rigid3 start = Exp(0.1 * Vector6d::Ones());
   const auto no_points = Align({}, Seen(Scene(), Rigid3()), TestCamera(), WeakPrior(start), Vector6d::Zero(), {});

@@ -26,7 +26,7 @@ struct AlignmentResult {
   Rigid3 T_event_ref;
   Matrix6d information =
       Matrix6d::Zero();         ///< J'J of the points, of a right perturbation [rho; phi] in the frame `ref`
-  double cost = 0;              ///< mean robust cost per point
+  double cost = 0;              ///< mean robust cost per point, with all of the truncation
   int visible = 0;              ///< points expected in the image
   int matched = 0;              ///< of these, on an edge to within the truncation and of fitting direction
   double inlier_share = 0;      ///< matched / visible, each point counted by how much its motion should show;
@@ -36,7 +36,8 @@ struct AlignmentResult {
 };
 
 /// Minimises sum rho(field(W(W(x; dtheta); theta))^2), forward compositional: dtheta = [rho; phi] acts on
-/// the points in the frame `ref`, T_event_ref <- T_event_ref * Exp(dtheta). `velocity_event` tells which edges can
+/// the points in the frame `ref`, T_event_ref <- T_event_ref * Exp(dtheta). From coarse to fine: with all of the
+/// truncation, then with half of it. `velocity_event` tells which edges can
 /// be seen: one that moves along itself makes no events. `camera` is the undistorted event image's.
 AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
                       const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options);

@@ -31,9 +31,11 @@ class AlignmentProblem {
   using Scalar = double;
   enum { NUM_RESIDUALS = Eigen::Dynamic, NUM_PARAMETERS = 6 };
 
-  /// `surface`, `points` and `camera` must outlive the problem.
+  /// `surface`, `points` and `camera` must outlive the problem. `truncation_share`: of the options' truncation, and of
+  /// where the loss turns linear; up to 1, as far as the surface's field reaches.
   AlignmentProblem(const std::vector<AlignmentPoint>& points, const Surface& surface, const Camera& camera,
-                   const PosePrior& prior, const Rigid3& T_event_ref, const OdometryOptions& options);
+                   const PosePrior& prior, const Rigid3& T_event_ref, const OdometryOptions& options,
+                   double truncation_share = 1);
 
   int NumResiduals() const { return static_cast<int>(points_.size()) + 6; }
 

@@ -36,6 +36,7 @@ struct TrackingIdeas {
   bool match_polarity = true;
   bool visibility_weight = true;
   bool unmatched_cost = true;
+  bool fine_alignment = true;
   bool weigh_events = true;
   bool calm_motion = true;
   bool motion_prior = true;
@@ -139,6 +140,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points weigh as much as their motion should show; false: all alike");
   visit("ablation.unmatched_cost", tracking.unmatched_cost,
         "points without an edge cost as much as one at the truncation; false: nothing");
+  visit("ablation.fine_alignment", tracking.fine_alignment,
+        "once they lie near their edges, points are aligned again with half of the truncation; false: only once");
   visit("ablation.weigh_events", tracking.weigh_events,
         "poses of few events count less against the motion so far; false: as those of many");
   visit("ablation.calm_motion", tracking.calm_motion,

@@ -28,7 +28,7 @@ constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of events last
 // until depth mends them.
 constexpr double kStatedGuided = 0.33, kStatedAlone = 0.19;
-constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthGuided = 0.1, kGrowthAlone = 0.5;
+constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthGuided = 0.2, kGrowthAlone = 0.5;
 // How events and depth come apart is known from few moments: by itself it says half of what it seems to, as a power.
 constexpr double kErrorExponent = 0.5;
 

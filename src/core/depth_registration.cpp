@@ -151,14 +151,33 @@ DEVO_ALWAYS_INLINE int WarpReadings(const ReadingWarp& by, const DepthRow& in, c
   return valid;
 }
 
-int WarpReadingsPortable(const ReadingWarp& by, const DepthRow& in, const WarpedRow& out) {
-  return WarpReadings(by, in, out);
-}
 #ifdef DEVO_AVX2
 DEVO_AVX2 int WarpReadingsAvx2(const ReadingWarp& by, const DepthRow& in, const WarpedRow& out) {
   return WarpReadings(by, in, out);
 }
 #endif
+
+int WarpRow(const ReadingWarp& by, const DepthRow& in, const WarpedRow& out) {
+#ifdef DEVO_AVX2
+  if (HasAvx2()) return WarpReadingsAvx2(by, in, out);
+#endif
+  return WarpReadings(by, in, out);
+}
+
+ReadingWarp WarpTo(const Camera& event_camera, int cells_per_row, const Rigid3& T_event_depth,
+                   const MappingOptions& options) {
+  return {T_event_depth.rotation().toRotationMatrix().cast<float>(),
+          T_event_depth.translation().cast<float>(),
+          static_cast<float>(options.min_depth_m),
+          static_cast<float>(options.max_depth_m),
+          static_cast<float>(event_camera.fx()),
+          static_cast<float>(event_camera.fy()),
+          static_cast<float>(event_camera.cx()),
+          static_cast<float>(event_camera.cy()),
+          event_camera.width(),
+          event_camera.height(),
+          cells_per_row};
+}
 
 /// Sets a square of kWidth x kWidth pixels; the fixed width makes each row a few plain stores.
 template <int kWidth>
@@ -207,27 +226,13 @@ int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth
   MarkNeighbourhoods(edges);
   first_.setTo(-1);
   cell_depth_.setTo(0);
-  const ReadingWarp by{T_event_depth.rotation().toRotationMatrix().cast<float>(),
-                       T_event_depth.translation().cast<float>(),
-                       static_cast<float>(options_.min_depth_m),
-                       static_cast<float>(options_.max_depth_m),
-                       static_cast<float>(event_camera_.fx()),
-                       static_cast<float>(event_camera_.fy()),
-                       static_cast<float>(event_camera_.cx()),
-                       static_cast<float>(event_camera_.cy()),
-                       event_camera_.width(),
-                       event_camera_.height(),
-                       cell_depth_.cols};
-  auto warp = WarpReadingsPortable;
-#ifdef DEVO_AVX2
-  if (HasAvx2()) warp = WarpReadingsAvx2;
-#endif
+  const ReadingWarp by = WarpTo(event_camera_, cell_depth_.cols, T_event_depth, options_);
   int valid = 0, count = 0, *first = first_.ptr<int>();
   const std::uint8_t* wanted = wanted_.ptr<std::uint8_t>();
   float* cells = cell_depth_.ptr<float>();
   for (int y = 0; y < size.height; ++y) {
-    valid += warp(by, {depth.depth_m[y], depth_rays_[0].ptr<float>(y), depth_rays_[1].ptr<float>(y), size.width},
-                  {row_z_.data(), row_u_.data(), row_v_.data(), row_pixel_.data(), row_cell_.data()});
+    valid += WarpRow(by, {depth.depth_m[y], depth_rays_[0].ptr<float>(y), depth_rays_[1].ptr<float>(y), size.width},
+                     {row_z_.data(), row_u_.data(), row_v_.data(), row_pixel_.data(), row_cell_.data()});
     // Neighbouring readings mostly fall into one cell: its nearest is kept at hand.
     float nearest = 0;
     int cell = -1;

@@ -37,8 +37,8 @@ struct AlignmentResult {
 
 /// Minimises sum rho(field(W(W(x; dtheta); theta))^2), forward compositional: dtheta = [rho; phi] acts on
 /// the points in the frame `ref`, T_event_ref <- T_event_ref * Exp(dtheta). From coarse to fine: with all of the
-/// truncation, then with half of it. `velocity_event` tells which edges can
-/// be seen: one that moves along itself makes no events. `camera` is the undistorted event image's.
+/// truncation, then with half of it. `velocity_event` tells which edges can be seen: one that moves along itself makes
+/// no events. `camera` is the undistorted event image's.
 AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
                       const PosePrior& prior, const Vector6d& velocity_event, const OdometryOptions& options);
 

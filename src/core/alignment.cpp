@@ -17,6 +17,9 @@ constexpr int kMinMatched = 30;  // fewer points hold no pose, however large the
 // Far from their edges points find their way; near to them what is still farther off than this share of the truncation
 // is most often beside another edge, and what the loss tolerates may be as much smaller.
 constexpr double kFineShare = 0.5;
+// Of the cost that every point has without a match; where it falls by less, matches flicker and the pose does not get
+// better.
+constexpr double kConverged = 1e-5;
 
 /// Points that should show in the surface, with what their edges look like from the start pose.
 void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
@@ -75,8 +78,8 @@ void CountMatches(const AlignmentProblem& problem, AlignmentResult* result) {
 }
 
 struct Minimum {
-  Vector6d moved;  // right perturbation, from where the problem was made
-  double cost;     // mean over the points
+  double cost;           // mean over the points
+  Matrix6d information;  // of the points
 };
 
 /// Brings the pose of `result`, at which the problem was made, to the minimum, in what is left of all iterations.
@@ -84,12 +87,13 @@ Minimum Minimise(const AlignmentProblem& problem, int max_iterations, AlignmentR
   ceres::TinySolver<CompressedProblem> solver;
   solver.options.max_num_iterations = max_iterations - result->iterations;
   solver.options.parameter_tolerance = 1e-6;
-  solver.options.function_tolerance = 3e-3;  // beyond it, matches flicker and the pose does not get better
+  solver.options.function_tolerance = kConverged * std::pow(problem.truncation(), 2) * problem.NumResiduals();
+  const CompressedProblem compressed(problem);
   Vector6d delta = Vector6d::Zero();
-  const auto summary = solver.Solve(CompressedProblem(problem), &delta);
+  const auto summary = solver.Solve(compressed, &delta);
   result->T_event_ref = result->T_event_ref * Exp(delta);
   result->iterations += summary.iterations;
-  return {delta, summary.final_cost / std::max(problem.NumResiduals() - 6, 1)};
+  return {summary.final_cost / std::max(problem.NumResiduals() - 6, 1), compressed.SumsAt(delta).of_points};
 }
 
 }  // namespace
@@ -104,13 +108,11 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
   const AlignmentProblem coarse(prepared, surface, camera, prior, result.T_event_ref, options);
   const Minimum near = Minimise(coarse, options.tracking.max_iterations, &result);
   result.cost = near.cost;
+  result.information = near.information;
   const bool may_go_on = result.iterations < options.tracking.max_iterations;
   if (options.tracking.ideas.fine_alignment && may_go_on && !surface.nearest_edge.empty()) {
     const AlignmentProblem fine(prepared, surface, camera, prior, result.T_event_ref, options, kFineShare);
-    const Minimum best = Minimise(fine, options.tracking.max_iterations, &result);
-    result.information = fine.SumsAt(best.moved, true).of_points;
-  } else {
-    result.information = coarse.SumsAt(near.moved, true).of_points;
+    result.information = Minimise(fine, options.tracking.max_iterations, &result).information;
   }
   CountMatches(coarse, &result);
   return result;

@@ -33,6 +33,35 @@ struct RobustRoot {
   float value, derivative;
 };
 
+/// Sums the products of the rows (J, r) of points. Some rows at a time are multiplied together, side by side and in
+/// single precision, in which they are known; their sums are added up in double precision.
+class ProductsOfRows {
+ public:
+  void Add(const Eigen::Matrix<float, 6, 1>& row, float residual) {
+    rows_.row(count_) << row.transpose(), residual;
+    if (++count_ == rows_.rows()) AddProducts();
+  }
+
+  /// [J'J J'r; r'J r'r] of all rows added.
+  Eigen::Matrix<double, 7, 7> Sum() {
+    rows_.bottomRows(rows_.rows() - count_).setZero();
+    AddProducts();
+    return sum_.selfadjointView<Eigen::Upper>();
+  }
+
+ private:
+  void AddProducts() {
+    for (int j = 0; j < 7; ++j) {
+      for (int i = 0; i <= j; ++i) sum_(i, j) += static_cast<double>(rows_.col(i).dot(rows_.col(j)));
+    }
+    count_ = 0;
+  }
+
+  Eigen::Matrix<float, 32, 7> rows_;
+  int count_ = 0;
+  Eigen::Matrix<double, 7, 7> sum_ = Eigen::Matrix<double, 7, 7>::Zero();  // upper triangle
+};
+
 }  // namespace
 
 AlignmentProblem::AlignmentProblem(const std::vector<AlignmentPoint>& points, const Surface& surface,
@@ -158,34 +187,37 @@ bool AlignmentProblem::operator()(const double* dtheta, double* residuals, doubl
   return true;
 }
 
-AlignmentProblem::Sums AlignmentProblem::SumsAt(const Vector6d& delta, bool with_jacobian) const {
+AlignmentProblem::Sums AlignmentProblem::SumsAt(const Vector6d& delta) const {
   const Rigid3 T = T_event_ref_ * Exp(delta);
   const Eigen::Matrix3f R = T.rotation().toRotationMatrix().cast<float>();
-  Sums sums{Matrix6d::Zero(), Matrix6d::Zero(), Vector6d::Zero(), 0};
-  Matrix6d& points = sums.of_points;
+  double squared_norm = 0;
+  ProductsOfRows rows;
   ForViews(T, [&](const AlignmentPoint& point, const View& view) {
     float residual = 0;
     Eigen::Matrix<float, 6, 1> row;
-    const bool matched = PointRow(point, view, R, &residual, with_jacobian ? &row : nullptr);
-    sums.squared_norm += static_cast<double>(residual) * residual;
-    if (!matched || !with_jacobian) return;
-    const Vector6d j = row.cast<double>();
-    points.noalias() += j * j.transpose();
-    sums.gradient.noalias() += static_cast<double>(residual) * j;
+    const bool matched = PointRow(point, view, R, &residual, &row);
+    squared_norm += static_cast<double>(residual) * residual;
+    if (matched) rows.Add(row, residual);
   });
+  const Eigen::Matrix<double, 7, 7> products = rows.Sum();
   const Vector6d prior = PriorResidual(T);
-  sums.squared_norm += prior.squaredNorm();
-  if (!with_jacobian) return sums;
   // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
   const Matrix6d J_r = RightJacobian(delta), J_prior = PriorJacobian(T, J_r);
-  points = (J_r.transpose() * points * J_r).eval();
-  sums.information = points + J_prior.transpose() * J_prior;
-  sums.gradient = (J_r.transpose() * sums.gradient + J_prior.transpose() * prior).eval();
+  Sums sums;
+  sums.squared_norm = squared_norm + prior.squaredNorm();
+  sums.of_points = J_r.transpose() * products.topLeftCorner<6, 6>() * J_r;
+  sums.information = sums.of_points + J_prior.transpose() * J_prior;
+  sums.gradient = J_r.transpose() * products.topRightCorner<6, 1>() + J_prior.transpose() * prior;
   return sums;
 }
 
+const AlignmentProblem::Sums& CompressedProblem::SumsAt(const Vector6d& dtheta) const {
+  if (!last_ || last_->dtheta != dtheta) last_ = {dtheta, problem_.SumsAt(dtheta)};
+  return last_->sums;
+}
+
 bool CompressedProblem::operator()(const double* dtheta, double* residuals, double* jacobian) const {
-  const auto sums = problem_.SumsAt(Eigen::Map<const Vector6d>(dtheta), jacobian != nullptr);
+  const AlignmentProblem::Sums& sums = SumsAt(Eigen::Map<const Vector6d>(dtheta));
   Eigen::Map<Eigen::Matrix<double, 7, 1>> r(residuals);
   r.setZero();
   r[6] = std::sqrt(sums.squared_norm);

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -49,8 +50,8 @@ class AlignmentProblem {
     Vector6d gradient;     ///< J'r
     double squared_norm;   ///< r'r
   };
-  /// Without storing a row per point. Only `squared_norm` is set when `with_jacobian` is false.
-  Sums SumsAt(const Vector6d& dtheta, bool with_jacobian) const;
+  /// Without storing a row per point.
+  Sums SumsAt(const Vector6d& dtheta) const;
 
   /// Signed distance of a point's projection to its edge in pixels (or the paper's field, 0 to 1).
   struct Sample {
@@ -116,7 +117,8 @@ class AlignmentProblem {
 };
 
 /// The problem as seven residuals with the same J'J, J'r and r'r as all of them, so that the solver takes the same
-/// steps with matrices of fixed size: nothing is allocated, and the points' rows are never stored.
+/// steps with matrices of fixed size: nothing is allocated, and the points' rows are never stored. The solver asks for
+/// the cost of a step first, and for its Jacobian once it takes it, as it most often does: both are of one visit.
 class CompressedProblem {
  public:
   using Scalar = double;
@@ -125,8 +127,16 @@ class CompressedProblem {
   explicit CompressedProblem(const AlignmentProblem& problem) : problem_(problem) {}
   bool operator()(const double* dtheta, double* residuals, double* jacobian) const;
 
+  /// The last ones are kept.
+  const AlignmentProblem::Sums& SumsAt(const Vector6d& dtheta) const;
+
  private:
+  struct Visited {
+    Vector6d dtheta;
+    AlignmentProblem::Sums sums;
+  };
   const AlignmentProblem& problem_;
+  mutable std::optional<Visited> last_;
 };
 
 /// Smallest cosine between the normals of a point and of an edge that may match.

@@ -17,8 +17,8 @@ constexpr int kMinMatched = 30;  // fewer points hold no pose, however large the
 // Far from their edges points find their way; near to them what is still farther off than this share of the truncation
 // is most often beside another edge, and what the loss tolerates may be as much smaller.
 constexpr double kFineShare = 0.5;
-// Of the cost that every point has without a match; where it falls by less, matches flicker and the pose does not get
-// better.
+// Fall of the cost per point, as a share of the squared truncation, below which matches flicker and the pose does not
+// get better.
 constexpr double kConverged = 1e-5;
 
 /// Points that should show in the surface, with what their edges look like from the start pose.

@@ -128,6 +128,38 @@ TEST(AlignmentJacobian, OfThePriorIsThatOfCentralDifferencesFarFromTheStart) {
   }
 }
 
+TEST(AlignmentProblem, CompressedToSevenRowsHasTheProductsOfAllRows) {
+  std::mt19937 random(17);
+  const auto points = Scene();
+  const Surface surface = Seen(points, Rigid3());
+  const Camera camera = TestCamera();
+  // Not a whole number of the batches in which rows are multiplied.
+  for (const std::size_t count : {points.size(), points.size() - 1, std::size_t{33}, std::size_t{5}}) {
+    const auto prepared = Unspecific({points.begin(), points.begin() + static_cast<std::ptrdiff_t>(count)});
+    const PosePrior prior{Exp(RandomTwist(0.01, &random)), 100 * Matrix6d::Identity()};
+    const AlignmentProblem problem(prepared, surface, camera, prior, Exp(RandomTwist(0.01, &random)), OdometryOptions());
+    const CompressedProblem compressed(problem);
+    Vector6d at_first = RandomTwist(0.01, &random);
+    for (const Vector6d& delta : {at_first, RandomTwist(0.01, &random), at_first}) {
+      Eigen::VectorXd r(problem.NumResiduals());
+      Eigen::MatrixXd J(problem.NumResiduals(), 6);
+      ASSERT_TRUE(problem(delta.data(), r.data(), J.data()));
+      Eigen::Matrix<double, 7, 1> few, cost_alone;
+      Eigen::Matrix<double, 7, 6> few_J;
+      // As the solver does: the cost of a step, then all of it.
+      ASSERT_TRUE(compressed(delta.data(), cost_alone.data(), nullptr));
+      ASSERT_TRUE(compressed(delta.data(), few.data(), few_J.data()));
+      const double scale = J.squaredNorm();
+      EXPECT_NEAR(cost_alone.squaredNorm(), r.squaredNorm(), 1e-5 * r.squaredNorm());
+      EXPECT_NEAR(few.squaredNorm(), r.squaredNorm(), 1e-5 * r.squaredNorm());
+      EXPECT_LT((few_J.transpose() * few_J - J.transpose() * J).norm(), 1e-5 * scale);
+      EXPECT_LT((few_J.transpose() * few - J.transpose() * r).norm(), 1e-5 * std::sqrt(scale) * r.norm());
+      EXPECT_LT((compressed.SumsAt(delta).of_points - J.topRows(count).transpose() * J.topRows(count)).norm(),
+                1e-5 * scale);
+    }
+  }
+}
+
 TEST(AlignmentProblem, IsForwardCompositionalThePerturbationActsOnThePointsInTheReferenceFrame) {
   const auto points = Scene();
   const auto prepared = Unspecific(points);

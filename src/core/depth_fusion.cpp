@@ -25,6 +25,8 @@ constexpr double kMaxDelay_s = 0.05;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
+// So fast a pose may have gone astray since depth agreed with it. Also in radians.
+constexpr double kAstray_m_s = 1;
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of events last
 // until depth mends them.
 constexpr double kStatedGuided = 0.33, kStatedAlone = 0.19;
@@ -57,6 +59,12 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
   return moved.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
 }
 
+Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
+  if (!agreed_ns_) return Matrix6d::Zero();
+  const double astray_m = kAstray_m_s * std::max(1e-2, SecondsFromNs(t_ns - agreed_ns_));
+  return agreed_directions_ / (astray_m * astray_m);
+}
+
 double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
   const double since_s = std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s);
   return (guided ? kStatedGuided : kStatedAlone) * std::pow(error_scale_.variance_scale(), kErrorExponent) *
@@ -85,6 +93,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   // A pose that is doubtful is as wrong as depth says, in the directions that depth knows.
   const Matrix6d covariance = std::max(1.0, square / kMaxNormalisedSquare) * estimate.covariance;
   agreed_ns_ = depth.t_ns;
+  agreed_directions_ = depth.KnownDirections();
   if (knows_all) found_ns_ = depth.t_ns;
 
   const double shared = estimate.guided ? 0 : std::min(1.0, since_s / kShared_s);

@@ -32,4 +32,10 @@ bool DepthPose::KnowsAllDirections() const {
   return eigen.eigenvalues()(0) > kLeast;
 }
 
+Matrix6d DepthPose::KnownDirections() const {
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
+  const Vector6d known = (eigen.eigenvalues().array() > kLeast).cast<double>();
+  return eigen.eigenvectors() * known.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
 }  // namespace devo

@@ -493,8 +493,11 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   if (!options_.tracking.ideas.search) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
-  const Matrix6d wide = covariance + unknown_m * unknown_m * Matrix6d::Identity();
-  const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, wide, map_->chapter},
+  const Matrix6d I = Matrix6d::Identity();
+  const Matrix6d wide = covariance + unknown_m * unknown_m * I;
+  // Depth that agreed a moment ago is not wrong now, whatever else looks like the view.
+  const Matrix6d bounded = (wide.inverse() + depth_fusion_.BoundAt(surface.t_edges_ns)).inverse();
+  const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, bounded, map_->chapter},
                                          state_ == TrackingState::kLost,
                                          std::max(0.5 * quality_.usual_share(), result->inlier_share + kBetterBy));
   // What an inertial sensor saw of the way is better than a view that matches less than usual.

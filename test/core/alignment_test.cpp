@@ -137,7 +137,8 @@ TEST(AlignmentProblem, CompressedToSevenRowsHasTheProductsOfAllRows) {
   for (const std::size_t count : {points.size(), points.size() - 1, std::size_t{33}, std::size_t{5}}) {
     const auto prepared = Unspecific({points.begin(), points.begin() + static_cast<std::ptrdiff_t>(count)});
     const PosePrior prior{Exp(RandomTwist(0.01, &random)), 100 * Matrix6d::Identity()};
-    const AlignmentProblem problem(prepared, surface, camera, prior, Exp(RandomTwist(0.01, &random)), OdometryOptions());
+    const AlignmentProblem problem(prepared, surface, camera, prior, Exp(RandomTwist(0.01, &random)),
+                                   OdometryOptions());
     const CompressedProblem compressed(problem);
     Vector6d at_first = RandomTwist(0.01, &random);
     for (const Vector6d& delta : {at_first, RandomTwist(0.01, &random), at_first}) {

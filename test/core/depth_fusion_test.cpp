@@ -149,6 +149,22 @@ TEST(DepthFusion, StatesLargerErrorsWhereEventsAndDepthComeApartMore) {
   EXPECT_LT(scale(2), 2.5 * scale(1)) << "few moments: half of what they say, as a power";
 }
 
+TEST(DepthFusion, BoundsAPoseByTheLastImageThatAgreedLessAndLessAndNotWhereItLeftADirectionOpen) {
+  DepthFusion fusion;
+  EXPECT_EQ(fusion.BoundAt(kPeriod_ns).norm(), 0) << "no image yet";
+  DepthPose along_a_wall = PoseAt(kPeriod_ns, Rigid3());
+  along_a_wall.information(0, 0) = along_a_wall.information(4, 4) = 0;
+  ASSERT_TRUE(fusion.Correct(along_a_wall, EstimateAt(Rigid3())));
+  const Vector6d soon = fusion.BoundAt(kPeriod_ns + 50'000'000).diagonal();
+  const Vector6d known = (Vector6d() << 0, 1, 1, 1, 0, 1).finished();
+  EXPECT_LT((soon - known / (0.05 * 0.05)).norm(), 1e-6) << "a metre and a radian per second";
+  const Vector6d later = fusion.BoundAt(kPeriod_ns + 500'000'000).diagonal();
+  EXPECT_LT((later - 0.01 * soon).norm(), 1e-6);
+  // One that contradicts bounds nothing.
+  ASSERT_FALSE(fusion.Correct(PoseAt(17 * kPeriod_ns, Exp(100 * SmallStep())), EstimateAt(Rigid3())));
+  EXPECT_NEAR(fusion.BoundAt(kPeriod_ns + 500'000'000)(1, 1), later(1), 1e-6);
+}
+
 TEST(DepthFusion, ImagesThatFollowEachOtherSoonCountForLess) {
   DepthFusion fusion;
   const double first = fusion.Correct(PoseAt(kPeriod_ns, Rigid3()), EstimateAt(Rigid3()))->information(0, 0);

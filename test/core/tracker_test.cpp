@@ -629,6 +629,21 @@ DepthPose ByDepth(std::int64_t t_ns, const Rigid3& T_world_event) {
   return pose;
 }
 
+TEST(Tracker, TakesNoPoseThatLooksLikeTheViewButThatDepthOfAMomentAgoRulesOut) {
+  for (const bool with_depth : {false, true}) {
+    const auto tracker = Moving();
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 30; ++k) {
+      const std::int64_t before_ns = kNow_ns + (k - 1) * kPeriod_ns, now_ns = kNow_ns + k * kPeriod_ns;
+      if (with_depth) tracker->AddDepthPose(ByDepth(before_ns, TrueAt(before_ns)));
+      // What a corridor shows that repeats itself.
+      pose = tracker->Track(Seen(now_ns, TrueAt(now_ns) * Rigid3::Rotation(ExpSO3({0, 0.2, 0}))));
+    }
+    ASSERT_TRUE(pose);
+    EXPECT_EQ(ErrorOf(*pose) < 0.05, with_depth) << ErrorOf(*pose);
+  }
+}
+
 TEST(Tracker, IsMovedByDepthAsFarAsThatIsBetterKnown) {
   const auto tracker = Moving(), alone = Moving();
   const Rigid3 off = Rigid3::Translation({0.002, 0, 0});

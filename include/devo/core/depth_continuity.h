@@ -42,7 +42,7 @@ class DepthContinuity {
 
   std::optional<Image> last_;
   Vector6d velocity_ = Vector6d::Zero();  // [v; omega], m/s and rad/s, as tracked up to the last image
-  std::deque<double> apart_;  // of the last images
+  std::deque<double> apart_;              // of the last images
   bool doubtful_ = false;
 };
 

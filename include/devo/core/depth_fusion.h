@@ -37,6 +37,11 @@ class DepthFusion {
   /// of then, which err alike. False until there are two.
   bool SawMotionSince(std::int64_t t_ns) const;
 
+  /// Where the pose at `t_ns`, later than the last image that agreed, may be for all that this image says: information
+  /// on a right perturbation [rho; phi] (m, rad) of it, in the directions that the image knows, less with each moment
+  /// since. Zero before the first.
+  Matrix6d BoundAt(std::int64_t t_ns) const;
+
   /// Of the last depth images in a row, those that leave a direction open not counted.
   int contradictions() const { return contradictions_; }
   std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
@@ -58,6 +63,7 @@ class DepthFusion {
   double delay_s_ = 0, delay_variance_ = kDelaySigma_s * kDelaySigma_s;
   int contradictions_ = 0;
   std::int64_t agreed_ns_ = 0, found_ns_ = 0;
+  Matrix6d agreed_directions_ = Matrix6d::Zero();  // projection on those that the last that agreed knows
   std::optional<DepthPose> last_;
   std::deque<DepthPose> past_;  // of the last moment, that know all directions
   Vector6d velocity_ = Vector6d::Zero();

@@ -20,6 +20,9 @@ struct DepthPose {
 
   /// False where a direction is open, as along a wall: there the pose is only what it was predicted to be.
   bool KnowsAllDirections() const;
+  /// Projection of such a perturbation, in m and rad, on the directions that the image knows; the identity where it
+  /// knows all.
+  Matrix6d KnownDirections() const;
 };
 
 /// What tracking will make of a pose with this covariance (of a right perturbation, m and rad) once it has heard of the

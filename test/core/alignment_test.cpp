@@ -146,15 +146,15 @@ TEST(AlignmentProblem, CompressedToSevenRowsHasTheProductsOfAllRows) {
       Eigen::MatrixXd J(problem.NumResiduals(), 6);
       ASSERT_TRUE(problem(delta.data(), r.data(), J.data()));
       Eigen::Matrix<double, 7, 1> few, cost_alone;
-      Eigen::Matrix<double, 7, 6> few_J;
+      Eigen::Matrix<double, 7, 6> J_few;
       // As the solver does: the cost of a step, then all of it.
       ASSERT_TRUE(compressed(delta.data(), cost_alone.data(), nullptr));
-      ASSERT_TRUE(compressed(delta.data(), few.data(), few_J.data()));
+      ASSERT_TRUE(compressed(delta.data(), few.data(), J_few.data()));
       const double scale = J.squaredNorm();
       EXPECT_NEAR(cost_alone.squaredNorm(), r.squaredNorm(), 1e-5 * r.squaredNorm());
       EXPECT_NEAR(few.squaredNorm(), r.squaredNorm(), 1e-5 * r.squaredNorm());
-      EXPECT_LT((few_J.transpose() * few_J - J.transpose() * J).norm(), 1e-5 * scale);
-      EXPECT_LT((few_J.transpose() * few - J.transpose() * r).norm(), 1e-5 * std::sqrt(scale) * r.norm());
+      EXPECT_LT((J_few.transpose() * J_few - J.transpose() * J).norm(), 1e-5 * scale);
+      EXPECT_LT((J_few.transpose() * few - J.transpose() * r).norm(), 1e-5 * std::sqrt(scale) * r.norm());
       EXPECT_LT((compressed.SumsAt(delta).of_points - J.topRows(count).transpose() * J.topRows(count)).norm(),
                 1e-5 * scale);
     }

@@ -42,24 +42,26 @@ class ProductsOfRows {
     if (++count_ == rows_.rows()) AddProducts();
   }
 
-  /// [J'J J'r; r'J r'r] of all rows added.
-  Eigen::Matrix<double, 7, 7> Sum() {
+  /// [J'J J'r] of all rows added.
+  Eigen::Matrix<double, 6, 7> Sum() {
     rows_.bottomRows(rows_.rows() - count_).setZero();
     AddProducts();
-    return sum_.selfadjointView<Eigen::Upper>();
+    Eigen::Matrix<double, 6, 7> all = sum_;
+    all.leftCols<6>() = sum_.leftCols<6>().selfadjointView<Eigen::Upper>();
+    return all;
   }
 
  private:
   void AddProducts() {
     for (int j = 0; j < 7; ++j) {
-      for (int i = 0; i <= j; ++i) sum_(i, j) += static_cast<double>(rows_.col(i).dot(rows_.col(j)));
+      for (int i = 0; i <= std::min(j, 5); ++i) sum_(i, j) += static_cast<double>(rows_.col(i).dot(rows_.col(j)));
     }
     count_ = 0;
   }
 
   Eigen::Matrix<float, 32, 7> rows_;
   int count_ = 0;
-  Eigen::Matrix<double, 7, 7> sum_ = Eigen::Matrix<double, 7, 7>::Zero();  // upper triangle
+  Eigen::Matrix<double, 6, 7> sum_ = Eigen::Matrix<double, 6, 7>::Zero();  // upper triangle of J'J, and J'r
 };
 
 }  // namespace
@@ -199,15 +201,15 @@ AlignmentProblem::Sums AlignmentProblem::SumsAt(const Vector6d& delta) const {
     squared_norm += static_cast<double>(residual) * residual;
     if (matched) rows.Add(row, residual);
   });
-  const Eigen::Matrix<double, 7, 7> products = rows.Sum();
+  const Eigen::Matrix<double, 6, 7> products = rows.Sum();
   const Vector6d prior = PriorResidual(T);
   // Right perturbations at T become derivatives with respect to delta itself through the right Jacobian.
   const Matrix6d J_r = RightJacobian(delta), J_prior = PriorJacobian(T, J_r);
   Sums sums;
   sums.squared_norm = squared_norm + prior.squaredNorm();
-  sums.of_points = J_r.transpose() * products.topLeftCorner<6, 6>() * J_r;
+  sums.of_points = J_r.transpose() * products.leftCols<6>() * J_r;
   sums.information = sums.of_points + J_prior.transpose() * J_prior;
-  sums.gradient = J_r.transpose() * products.topRightCorner<6, 1>() + J_prior.transpose() * prior;
+  sums.gradient = J_r.transpose() * products.col(6) + J_prior.transpose() * prior;
   return sums;
 }
 

@@ -60,9 +60,9 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
 }
 
 Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
-  if (!agreed_ns_) return Matrix6d::Zero();
-  const double astray_m = kAstray_m_s * std::max(1e-2, SecondsFromNs(t_ns - agreed_ns_));
-  return agreed_directions_ / (astray_m * astray_m);
+  if (!agreed_) return Matrix6d::Zero();
+  const double astray_m = kAstray_m_s * std::max(1e-2, SecondsFromNs(t_ns - agreed_->t_ns));
+  return agreed_->KnownDirections() / (astray_m * astray_m);
 }
 
 double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
@@ -73,7 +73,7 @@ double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
 
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
   NoteVelocity(depth);
-  const double since_s = agreed_ns_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_ns_)) : kAlike_s;
+  const double since_s = agreed_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_->t_ns)) : kAlike_s;
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d residual = Log(estimate.T_world_event.inverse() * depth.T_world_event);
   const Vector6d& per_delay = depth.per_delay;
@@ -92,8 +92,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   if (!contradicts) contradictions_ = 0;
   // A pose that is doubtful is as wrong as depth says, in the directions that depth knows.
   const Matrix6d covariance = std::max(1.0, square / kMaxNormalisedSquare) * estimate.covariance;
-  agreed_ns_ = depth.t_ns;
-  agreed_directions_ = depth.KnownDirections();
+  agreed_ = depth;
   if (knows_all) found_ns_ = depth.t_ns;
 
   const double shared = estimate.guided ? 0 : std::min(1.0, since_s / kShared_s);

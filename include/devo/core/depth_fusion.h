@@ -62,10 +62,9 @@ class DepthFusion {
 
   double delay_s_ = 0, delay_variance_ = kDelaySigma_s * kDelaySigma_s;
   int contradictions_ = 0;
-  std::int64_t agreed_ns_ = 0, found_ns_ = 0;
-  Matrix6d agreed_directions_ = Matrix6d::Zero();  // projection on those that the last that agreed knows
-  std::optional<DepthPose> last_;
-  std::deque<DepthPose> past_;  // of the last moment, that know all directions
+  std::int64_t found_ns_ = 0;
+  std::optional<DepthPose> last_, agreed_;  // agreed_: the last that did not contradict
+  std::deque<DepthPose> past_;              // of the last moment, that know all directions
   Vector6d velocity_ = Vector6d::Zero();
   std::int64_t velocity_since_ns_ = 0;
   ErrorScale error_scale_;

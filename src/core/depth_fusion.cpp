@@ -15,10 +15,6 @@ namespace {
 
 // Depth errs alike for about this long: images that follow each other sooner count for less.
 constexpr double kAlike_s = 0.1;
-// Errors that edges of successive surfaces share pass for errors of the velocity, the longer, the more. Where nothing
-// else tells the velocity, after this long half of what depth contradicts is taken for such (underweighting: Zanetti,
-// DeMars, Bishop, "Underweighting nonlinear measurements", 2010).
-constexpr double kShared_s = 0.2;
 constexpr double kOpen_m = 1;  // in directions that depth leaves open, also in radians
 constexpr double kMaxNormalisedSquare = 16;
 constexpr double kMaxDelay_s = 0.05;
@@ -27,10 +23,10 @@ constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that w
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
 // So fast a pose may have gone astray since depth agreed with it. Also in radians.
 constexpr double kAstray_m_s = 1;
-// What is stated is cautious (it counts what a motion might have done), but does not know that errors of events last
-// until depth mends them.
-constexpr double kStatedGuided = 0.33, kStatedAlone = 0.19;
-constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthGuided = 0.2, kGrowthAlone = 0.5;
+// What is stated is cautious (it counts what a motion might have done), but does not know that errors of a velocity
+// that events alone tell last until depth mends them.
+constexpr double kStatedGuided = 0.3, kStatedAlone = 0.2;
+constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthAlone = 0.5;
 // How events and depth come apart is known from few moments: by itself it says half of what it seems to, as a power.
 constexpr double kErrorExponent = 0.5;
 
@@ -66,9 +62,10 @@ Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
 }
 
 double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
+  const double apart = std::pow(error_scale_.variance_scale(), kErrorExponent);
+  if (guided) return kStatedGuided * apart;
   const double since_s = std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s);
-  return (guided ? kStatedGuided : kStatedAlone) * std::pow(error_scale_.variance_scale(), kErrorExponent) *
-         std::pow(1 + since_s / kAgrees_s, guided ? kGrowthGuided : kGrowthAlone);
+  return kStatedAlone * apart * std::pow(1 + since_s / kAgrees_s, kGrowthAlone);
 }
 
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
@@ -95,8 +92,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   agreed_ = depth;
   if (knows_all) found_ns_ = depth.t_ns;
 
-  const double shared = estimate.guided ? 0 : std::min(1.0, since_s / kShared_s);
-  const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest + shared * covariance;
+  const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
   const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);

@@ -53,12 +53,16 @@ constexpr double kMisfitGrows_s = 0.15, kMisfitFades_s = 0.3, kMaxMisfit = 1e6;
 constexpr double kMaxTimes = 40;
 constexpr double kForceSpan_s = 0.5, kShowsMisfit_s = 2;
 
+// Alignments err alike for about this long: as long as an edge takes to be met from elsewhere, at another speed.
+constexpr double kShared_s = 0.1;
+constexpr double kMaxShared_m = 0.02;  // in directions that alignments leave open, also in radians
+
 // Clocks of one host, a sensor's own filter and the latency of dark pixels.
 constexpr double kDelaySigma_s = 5e-3;
 
 // Where things are in the state.
 constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24,
-              kDelay = 27;
+              kDelay = 27, kSharedError = 28;
 
 /// Of a sensor's variance, by how many times larger its errors' squares are than a good one's: gently at first.
 double Widening(double misfit) { return std::max(1.0, misfit * misfit / (misfit + kTolerated)); }
@@ -85,6 +89,8 @@ void MotionFilter::Reset() {
   gyroscope_bias_.setZero();
   accelerometer_bias_.setZero();
   delay_s_ = 0;
+  shared_error_.setZero();
+  shared_variance_.setZero();
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
   reads_ = false;
@@ -107,8 +113,12 @@ void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const V
 
 void MotionFilter::SetPoseAsAtStart(const Rigid3& T_world_event) {
   T_world_event_ = T_world_event;
-  P_.topRows<6>().setZero();
-  P_.leftCols<6>().setZero();
+  shared_error_.setZero();
+  shared_variance_.setZero();
+  for (const int i : {kRho, kSharedError}) {
+    P_.middleRows<6>(i).setZero();
+    P_.middleCols<6>(i).setZero();
+  }
   P_.diagonal().head<6>() = Both(kStartSigma_m, kStartSigma_rad).cwiseAbs2();
   before_rest_.setZero();
 }
@@ -136,7 +146,7 @@ Vector6d MotionFilter::LiveliestVariance() const {
 MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
   // Where exactly it stood the first events after a rest tell: without this they would seem to tell of a velocity.
   P_.topLeftCorner<6, 6>() += kBraking_s * kBraking_s * std::exchange(before_rest_, Matrix6d::Zero());
-  const double fade = std::exp(-dt_s / kManeuver_s);
+  const double fade = std::exp(-dt_s / kManeuver_s), shared_fade = std::exp(-dt_s / kShared_s);
   const Vector6d step = velocity_ * dt_s + acceleration_ * (0.5 * dt_s * dt_s);
   Matrix F = Matrix::Identity();
   F.block<6, 6>(0, 0) = Adjoint(Exp(-step));
@@ -144,6 +154,7 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
   F.block<6, 6>(0, kA) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
   F.block<6, 6>(kV, kA) = dt_s * Matrix6d::Identity();
   F.block<6, 6>(kA, kA) = fade * Matrix6d::Identity();
+  F.block<6, 6>(kSharedError, kSharedError) = shared_fade * Matrix6d::Identity();
   // Singer: the acceleration's variance is stationary, its density follows from the time it takes to fade.
   const Vector6d q = 2 / kManeuver_s * manoeuvre_.variance_share() * LiveliestVariance();
   P_ = (F * P_ * F.transpose()).eval();
@@ -160,6 +171,7 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
     P_(a, v) += q[i] * d2 / 2;
     P_(a, a) += q[i] * d;
   }
+  P_.block<6, 6>(kSharedError, kSharedError) += (1 - shared_fade * shared_fade) * shared_variance_;
   // What a sensor that does not fit has said of gravity and biases is as wrong as it is.
   const double turn = Widening(turn_misfit_), push = Widening(push_misfit_);
   for (int i = 0; i < 3; ++i) {
@@ -171,66 +183,106 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
   T_world_event_ = T_world_event_ * Exp(step);
   velocity_ += acceleration_ * dt_s;
   acceleration_ *= fade;
+  shared_error_ *= shared_fade;
   return F;
 }
 
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
-  return {ahead.T_world_event_, ahead.velocity_, ahead.P_.block<6, 6>(kV, kV), ahead.PriorCovariance()};
+  return {ahead.T_world_event_,
+          ahead.velocity_,
+          ahead.velocity_covariance(),
+          ahead.PriorCovariance(Shown::kPose),
+          ahead.Predicted(Shown::kAligned),
+          ahead.PriorCovariance(Shown::kAligned)};
 }
 
 MotionFilter::Prediction MotionFilter::AtRest() const {
-  return {T_world_event_, Vector6d::Zero(), velocity_covariance(), PriorCovariance()};
+  return {T_world_event_,
+          Vector6d::Zero(),
+          velocity_covariance(),
+          PriorCovariance(Shown::kPose),
+          Predicted(Shown::kAligned),
+          PriorCovariance(Shown::kAligned)};
 }
 
-Matrix6d MotionFilter::PriorCovariance() const {
+Rigid3 MotionFilter::Predicted(Shown shown) const {
+  return shown == Shown::kAligned ? T_world_event_ * Exp(shared_error_) : T_world_event_;
+}
+
+MotionFilter::Columns MotionFilter::CovarianceWith(Shown shown) const {
+  Columns covariance = P_.leftCols<6>();
+  if (shown == Shown::kAligned) covariance += P_.middleCols<6>(kSharedError);
+  return covariance;
+}
+
+Matrix6d MotionFilter::CovarianceOf(Shown shown) const {
+  const Columns with = CovarianceWith(shown);
+  Matrix6d covariance = with.topRows<6>();
+  if (shown == Shown::kAligned) covariance += with.middleRows<6>(kSharedError);
+  return covariance;
+}
+
+Matrix6d MotionFilter::PriorCovariance(Shown shown) const {
   // As if the delay were known: not knowing it would let go of rotation, which the gyroscope knows best.
-  Matrix6d covariance = pose_covariance();
-  const Vector6d with_delay = P_.col(kDelay).head<6>();
+  Matrix6d covariance = CovarianceOf(shown);
+  const Vector6d with_delay = CovarianceWith(shown).row(kDelay);
   if (P_(kDelay, kDelay) > 0) covariance -= with_delay * with_delay.transpose() / P_(kDelay, kDelay);
   return covariance;
 }
 
 void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information,
                           double variance_scale) {
+  Condition(t_ns, Shown::kPose, T_world_event, information, variance_scale);
+}
+
+void MotionFilter::Condition(std::int64_t t_ns, Shown shown, const Rigid3& T_world_measured,
+                             const Matrix6d& information, double variance_scale) {
   if (t_ns != t_ns_) Propagate(SecondsFromNs(t_ns - t_ns_));
   t_ns_ = t_ns;
-  const Matrix6d P_pose = P_.topLeftCorner<6, 6>();
+  const Matrix6d P_shown = CovarianceOf(shown);
   const Matrix6d I = Matrix6d::Identity();
-  const Matrix6d P_pose_inverse = P_pose.ldlt().solve(I);
-  // Conditioning on the pose: the rest of the state follows it as far as it is correlated with it.
-  const Eigen::Matrix<double, kStates, 6> gain = P_.leftCols<6>() * P_pose_inverse;
-  const Vector6d moved = Log(T_world_event_.inverse() * T_world_event);
-  NoteFit(moved, information, variance_scale);
+  const Matrix6d P_shown_inverse = P_shown.ldlt().solve(I);
+  // Conditioning on what was measured: the state follows it as far as it is correlated with it.
+  const Columns gain = CovarianceWith(shown) * P_shown_inverse;
+  const Vector6d moved = Log(Predicted(shown).inverse() * T_world_measured);
+  NoteFit(moved, shown, information, variance_scale);
+  T_world_event_ = T_world_event_ * Exp(gain.topRows<6>() * moved);
   velocity_ += gain.middleRows<6>(kV) * moved;
   acceleration_ += gain.middleRows<6>(kA) * moved;
   gravity_world_ += gain.middleRows<3>(kGravity) * moved;
   gyroscope_bias_ += gain.middleRows<3>(kGyroBias) * moved;
   accelerometer_bias_ += gain.middleRows<3>(kAccBias) * moved;
-  T_world_event_ = T_world_event;
-  const Matrix6d P_pose_after = (P_pose_inverse + information).ldlt().solve(I);
-  const Matrix drop = gain * (P_pose - P_pose_after) * gain.transpose();
+  shared_error_ += gain.middleRows<6>(kSharedError) * moved;
+  const Matrix6d P_shown_after = (P_shown_inverse + information).ldlt().solve(I);
+  const Matrix drop = gain * (P_shown - P_shown_after) * gain.transpose();
   P_ -= drop;
   delay_s_ = StepDelay(delay_s_, gain.row(kDelay) * moved, options_.max_delay_s);
   P_(kDelay, kDelay) += (1 - kDelayDrop) * drop(kDelay, kDelay);
-  NoteManoeuvre(moved, P_pose - P_pose_after);
+  NoteManoeuvre(moved, P_shown - P_shown_after);
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
-MotionFilter::Likelihood MotionFilter::LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_event,
-                                                    const Matrix6d& information, double variance_scale) {
+MotionFilter::Likelihood MotionFilter::LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_aligned,
+                                                    const Matrix6d& information, double shared, double variance_scale) {
   // Where both together are least, one rises as the other falls.
-  const Vector6d to_predicted = Log(T_world_event.inverse() * predicted.T_world_event);
-  return {T_world_event, information, predicted.covariance.ldlt().solve(to_predicted), variance_scale};
+  const Vector6d to_predicted = Log(T_world_aligned.inverse() * predicted.T_world_aligned);
+  const Vector6d gradient = predicted.aligned_covariance.ldlt().solve(to_predicted);
+  return {T_world_aligned, information, gradient, shared, variance_scale};
 }
 
 void MotionFilter::Update(std::int64_t t_ns, const Likelihood& measured) {
   GoOn(t_ns);
-  const Vector6d to_predicted = Log(measured.T_world_event.inverse() * T_world_event_);
-  const Matrix6d prior = PriorCovariance().ldlt().solve(Matrix6d::Identity());
+  const Matrix6d I = Matrix6d::Identity();
+  const Vector6d to_predicted = Log(measured.T_world_aligned.inverse() * Predicted(Shown::kAligned));
+  const Matrix6d prior = PriorCovariance(Shown::kAligned).ldlt().solve(I);
   const Vector6d moved = (prior + measured.information).ldlt().solve(prior * to_predicted - measured.gradient);
-  Update(t_ns, measured.T_world_event * Exp(moved), measured.information, measured.variance_scale);
+  Condition(t_ns, Shown::kAligned, measured.T_world_aligned * Exp(moved), measured.information,
+            measured.variance_scale);
+  shared_variance_.setZero();
+  if (measured.shared <= 0) return;
+  shared_variance_ = (measured.information / measured.shared + I / (kMaxShared_m * kMaxShared_m)).ldlt().solve(I);
 }
 
 void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected) {
@@ -245,7 +297,7 @@ void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected
   P_.diagonal().segment<6>(kA) += std::max(0.0, manoeuvre_.variance_share() - before) * LiveliestVariance();
 }
 
-void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information, double variance_scale) {
+void MotionFilter::NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& information, double variance_scale) {
   turn_misfit_shown_ *= std::exp(-read_turn_s_ / kShowsMisfit_s);
   push_misfit_shown_ *= std::exp(-read_push_s_ / kShowsMisfit_s);
   // Noisy poses look like a bad sensor. But as long as it leads them, a bad one is why they match badly.
@@ -261,7 +313,7 @@ void MotionFilter::NoteFit(const Vector6d& moved, const Matrix6d& information, d
     if (std::isfinite(square)) *misfit = std::min(kMaxMisfit, *misfit + share * (now - *misfit));
   };
   if (read_turn_s_ <= 0) return;
-  const Matrix6d I = Matrix6d::Identity(), prior = PriorCovariance();
+  const Matrix6d I = Matrix6d::Identity(), prior = PriorCovariance(shown);
   const Matrix6d expected = prior - (prior.ldlt().solve(I) + information).ldlt().solve(I);
   note(moved.tail<3>(), expected.bottomRightCorner<3, 3>(), &read_turn_s_, &turn_misfit_);
   note(moved.head<3>(), expected.topLeftCorner<3, 3>(), &read_push_s_, &push_misfit_);
@@ -384,6 +436,7 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
   gravity_world_ += correction.segment<3>(kGravity);
   gyroscope_bias_ += correction.segment<3>(kGyroBias);
   accelerometer_bias_ += correction.segment<3>(kAccBias);
+  shared_error_ += correction.segment<6>(kSharedError);
   // How the readings differ from a fading acceleration grows with the acceleration, too: only poses tell of a delay.
   const double delay_variance = P_(kDelay, kDelay);
   P_ -= gain * S * gain.transpose();

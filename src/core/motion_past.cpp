@@ -50,15 +50,13 @@ MotionFilter MotionPast::Again(const MotionFilter& then, const InertialBuffer& i
   const std::int64_t t_ns = then.time_ns();
   while (!steps_.empty() && steps_.front().step.t_ns <= t_ns) steps_.pop_front();
   const auto T_world_before = history->At(t_ns);
-  const Rigid3 moved = T_world_before ? then.pose() * T_world_before->inverse() : Rigid3();
-  history->Move(moved);
+  if (T_world_before) history->Move(then.pose() * T_world_before->inverse());
   history->ForgetAfter(t_ns);
   MotionFilter motion = then;
   for (Made& made : steps_) {
     made.before = motion;
     Follow(made.step, made.step.t_ns, inertial, &motion);
     if (made.step.measured) {
-      made.step.measured->T_world_event = moved * made.step.measured->T_world_event;
       motion.Update(made.step.t_ns, *made.step.measured);
     }
     history->Add(motion.time_ns(), motion.pose());

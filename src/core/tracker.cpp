@@ -14,8 +14,10 @@
 namespace devo {
 namespace {
 
-// Edge positions of neighbouring points err together; this many points count as one measurement.
-constexpr double kPointsPerMeasurement = 15;
+// Edge positions of neighbouring points err together; this many points count as one measurement of what each surface
+// errs by itself, so many as one of what successive ones err alike.
+constexpr double kPointsPerMeasurement = 7.5, kPointsPerShared = 6;
+constexpr double kWithoutShared = 2;  // times as many, where all errors are taken to be each surface's own
 // That is so for surfaces this often. Of faster ones each shows mostly the events of those before it once more.
 constexpr double kUsualRate_hz = 100;
 // More points lie closer together on the same edges, and share their errors.
@@ -25,7 +27,7 @@ constexpr double kUsualPoints = 2000;
 constexpr double kEventsPerPoint = 12, kFewestCount = 8;
 // An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
 // this many times less beside it, the less so the worse the sensor is.
-constexpr double kInertialCaution = 4;
+constexpr double kInertialCaution = 8;
 constexpr double kEdgeSigma_px = 0.5;
 constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
 // Without an inertial sensor surfaces are compensated with the mean velocity of this span, about that of their events:
@@ -112,8 +114,8 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   const Rigid3 T_world_then = then->pose();
   Matrix6d covariance = then->pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
-  const auto correction = depth_fusion_.Correct(depth, {T_world_then, covariance, residual_scale_.variance_scale(),
-                                                        FollowsInertial(), quality_.suspicious_in_a_row() > 0});
+  const auto correction = depth_fusion_.Correct(
+      depth, {T_world_then, covariance, residual_scale_.variance_scale(), quality_.suspicious_in_a_row() > 0});
   if (correction && !held_) {
     then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
     motion_ = past_.Again(*then, inertial_, &history_);
@@ -401,8 +403,8 @@ void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
 
 PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double scale) const {
   PosePrior prior;
-  prior.T_event_ref = predicted.T_world_event.inverse() * map_->T_world_ref;
-  const Matrix6d information = predicted.covariance.ldlt().solve(Matrix6d::Identity());
+  prior.T_event_ref = predicted.T_world_aligned.inverse() * map_->T_world_ref;
+  const Matrix6d information = predicted.aligned_covariance.ldlt().solve(Matrix6d::Identity());
   prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
   if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
@@ -422,14 +424,16 @@ bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_
   return wants;
 }
 
-double Tracker::PointsPerMeasurement(const Surface& surface) const {
+Tracker::ErrorsAlike Tracker::PointsThatErrAlike(const Surface& surface) const {
+  const TrackingIdeas& ideas = options_.tracking.ideas;
   const auto points = static_cast<double>(map_->points.size());
-  const double few = options_.tracking.ideas.weigh_events
-                         ? kEventsPerPoint * points / std::max(1.0, static_cast<double>(surface.events_used))
-                         : 1;
+  const double events = std::max(1.0, static_cast<double>(surface.events_used));
+  const double few = ideas.weigh_events ? std::clamp(kEventsPerPoint * points / events, 1.0, kFewestCount) : 1;
   const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
-  return kPointsPerMeasurement * std::max(caution, std::min(few, kFewestCount)) *
-         std::max(1.0, options_.surface.rate_hz / kUsualRate_hz) * std::max(1.0, points / kUsualPoints);
+  const double close = std::max(1.0, points / kUsualPoints);
+  const double own = (ideas.shared_errors ? 1 : kWithoutShared) * kPointsPerMeasurement * close *
+                     std::max(caution, few) * std::max(1.0, options_.surface.rate_hz / kUsualRate_hz);
+  return {own, ideas.shared_errors ? kPointsPerShared * close * few : 0};
 }
 
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
@@ -440,7 +444,8 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   step_.inertial = inertial_prior_;
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
-  const double scale = kEdgeSigma_px * std::sqrt(PointsPerMeasurement(surface));
+  const ErrorsAlike alike = PointsThatErrAlike(surface);
+  const double scale = kEdgeSigma_px * std::sqrt(alike.own);
   const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
@@ -463,11 +468,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   } else {
     // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
     const Matrix6d A = Adjoint(result.T_event_ref.inverse());
-    const Rigid3 T_world_event = map_->T_world_ref * result.T_event_ref.inverse();
-    const Matrix6d information = A.transpose() * result.information * A / (scale * scale);
-    step_.measured =
-        MotionFilter::LikelihoodOf(predicted, T_world_event, information, residual_scale_.variance_scale());
-    motion_.Update(surface.t_edges_ns, T_world_event, information, residual_scale_.variance_scale());
+    step_.measured = MotionFilter::LikelihoodOf(predicted, map_->T_world_ref * result.T_event_ref.inverse(),
+                                                A.transpose() * result.information * A / (scale * scale),
+                                                alike.shared / alike.own, residual_scale_.variance_scale());
+    motion_.Update(surface.t_edges_ns, *step_.measured);
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;

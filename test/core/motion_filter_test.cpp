@@ -8,6 +8,7 @@
 #include <string>
 
 #include <gtest/gtest.h>
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
@@ -140,6 +141,53 @@ TEST(MotionFilter, KeepsItsCovarianceSymmetricAndPositiveOverManyPartialUpdates)
   const Matrix6d P = filter.pose_covariance();
   EXPECT_EQ(P, Matrix6d(P.transpose()));
   EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
+}
+
+/// Of alignments that all err alike by `off`, each to a millimetre and milliradian: what the filter makes of it after a
+/// second, where `shared` times that variance is known to be shared.
+MotionFilter AlignedWith(const Vector6d& off, double shared) {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, TrueAt(0), Twist());
+  const Matrix6d information = 1e6 * Matrix6d::Identity();
+  for (int k = 1; k <= 100; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    const auto predicted = filter.Predict(t_ns);
+    const Matrix6d prior = predicted.aligned_covariance.inverse();
+    const Vector6d to_found = Log(predicted.T_world_aligned.inverse() * TrueAt(t_ns) * Exp(off));
+    const Rigid3 found = predicted.T_world_aligned * Exp((prior + information).ldlt().solve(information * to_found));
+    filter.Update(t_ns, MotionFilter::LikelihoodOf(predicted, found, information, shared, 1));
+  }
+  return filter;
+}
+
+TEST(MotionFilter, IsNotMadeCertainByAlignmentsThatErrAlike) {
+  const double alike = AlignedWith(Vector6d::Zero(), 4).pose_covariance().trace();
+  const double apart = AlignedWith(Vector6d::Zero(), 0).pose_covariance().trace();
+  EXPECT_GT(alike, 5 * apart);
+  EXPECT_LT(alike, 6 * 5e-6) << "nor less certain than by one of them";
+}
+
+TEST(MotionFilter, TakesWhatAlignmentsErrAlikeForNoVelocityOnceThePoseIsKnown) {
+  const Vector6d off = 2e-3 * Vector6d::Ones();
+  const auto error_of_velocity = [&off](double shared) {
+    MotionFilter filter = AlignedWith(off, shared);
+    filter.Update(filter.time_ns(), TrueAt(filter.time_ns()), 1e8 * Matrix6d::Identity());
+    EXPECT_LT(Log(TrueAt(filter.time_ns()).inverse() * filter.pose()).norm(), 0.1 * off.norm());
+    return (filter.velocity_event() - Twist()).norm();
+  };
+  EXPECT_LT(error_of_velocity(4), 0.5 * error_of_velocity(0));
+}
+
+TEST(MotionFilter, ExpectsTheNextAlignmentWhereTheOnesBeforeErred) {
+  const Vector6d off = 2e-3 * Vector6d::Ones();
+  MotionFilter filter = AlignedWith(off, 4);
+  filter.Update(filter.time_ns(), TrueAt(filter.time_ns()), 1e8 * Matrix6d::Identity());
+  const auto next = filter.Predict(filter.time_ns() + kPeriod_ns);
+  const Rigid3 truth = TrueAt(filter.time_ns() + kPeriod_ns);
+  EXPECT_LT(Log((truth * Exp(off)).inverse() * next.T_world_aligned).norm(), 0.4 * off.norm());
+  EXPECT_LT(Log(truth.inverse() * next.T_world_event).norm(), 0.2 * off.norm());
+  const auto later = filter.Predict(filter.time_ns() + 100 * kPeriod_ns);
+  EXPECT_LT(Log(later.T_world_event.inverse() * later.T_world_aligned).norm(), 1e-6) << "it does not last";
 }
 
 TEST(MotionFilter, HasErrorsOfTheSizeThatItStates) {

@@ -22,7 +22,6 @@ class DepthFusion {
     Rigid3 T_world_event;       ///< at the depth image's time
     Matrix6d covariance;        ///< of a right perturbation [rho; phi] (m, rad) of it
     double variance_scale = 1;  ///< of what is stated of poses, as far as known without depth
-    bool guided = true;         ///< an inertial sensor tells of the velocity, too
     bool doubtful = false;      ///< less than usual of what was seen matches: it may be farther off than stated
   };
   struct Correction {
@@ -49,8 +48,8 @@ class DepthFusion {
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }
-  /// Squared errors of poses at this time over what is stated of them, by how events and depth come apart and by how
-  /// long no depth has agreed. `guided` as in Estimate.
+  /// Squared errors of poses at this time over what is stated of them, by how events and depth come apart and, unless
+  /// an inertial sensor guides them, by how long no depth has agreed.
   double VarianceScale(std::int64_t t_ns, bool guided) const;
 
   void Reset() { *this = DepthFusion(); }

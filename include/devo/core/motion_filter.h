@@ -7,6 +7,10 @@
 // there is one, measures how rotation and velocity change from pose to pose; its biases, the direction of gravity and
 // the delay of events against it are states too. Its noise is not taken for granted: the more poses contradict it, the
 // less it counts (after Sage and Husa, "Adaptive filtering with unknown prior statistics", 1969).
+//
+// What alignments to successive surfaces err alike (the same points, the same smear) is no noise, and would pass for
+// motion: it is a state too, a first-order Gauss-Markov process (coloured measurement noise: Bryson and Henrikson,
+// "Estimation using sampled data containing sequentially correlated noise", 1968).
 #pragma once
 
 #include <cstdint>
@@ -42,6 +46,9 @@ class MotionFilter {
     Vector6d velocity_event;       ///< [v; omega], m/s and rad/s
     Matrix6d velocity_covariance;  ///< of velocity_event
     Matrix6d covariance;           ///< of a right perturbation [rho; phi] of T_world_event, m and rad
+    /// Where an alignment will find the camera: with the error that it shares with those before it.
+    Rigid3 T_world_aligned;
+    Matrix6d aligned_covariance;  ///< of a right perturbation [rho; phi] of it, m and rad
   };
   /// At a time at or after the last update.
   Prediction Predict(std::int64_t t_ns) const;
@@ -49,23 +56,24 @@ class MotionFilter {
   /// Of a camera that stands where it is.
   Prediction AtRest() const;
 
-  /// Takes the pose that maximises prior and measurement together, as the alignment that started from Predict(t_ns)
-  /// found it, and the measurement's information on a right perturbation of it (without the prior).
-  /// `variance_scale`: the squares of such measurements' errors, as they are seen, over what the information says; for
-  /// judging the inertial sensor only.
+  /// Takes the pose that maximises prior and measurement together, where the measurement shares no error with
+  /// alignments, and its information on a right perturbation of it (without the prior). `variance_scale`: the squares
+  /// of such measurements' errors, as they are seen, over what the information says; for judging the inertial sensor
+  /// only.
   void Update(std::int64_t t_ns, const Rigid3& T_world_event, const Matrix6d& information, double variance_scale = 1);
 
-  /// What a measurement says of a pose, whatever was predicted: to second order about `T_world_event`.
+  /// What an alignment says of the pose, whatever was predicted: to second order about `T_world_aligned`.
   struct Likelihood {
-    Rigid3 T_world_event;
-    Matrix6d information;   ///< on a right perturbation
+    Rigid3 T_world_aligned;
+    Matrix6d information;   ///< of its own errors, on a right perturbation
     Vector6d gradient;      ///< of half the squared error
+    double shared;          ///< variance of the error that successive alignments share, over that of their own
     double variance_scale;  ///< as of Update
   };
-  /// Of the measurement that found this pose together with that prediction.
-  static Likelihood LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_event, const Matrix6d& information,
-                                 double variance_scale);
-  /// The same as the other, whatever this filter predicts.
+  /// Of the alignment that found this pose together with that prediction.
+  static Likelihood LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_aligned,
+                                 const Matrix6d& information, double shared, double variance_scale);
+  /// Takes an alignment, whatever it was predicted with.
   void Update(std::int64_t t_ns, const Likelihood& measured);
 
   /// Which way is down, from the mean specific force (m/s^2, event frame) over `span_s` before: the longer, the less a
@@ -111,7 +119,7 @@ class MotionFilter {
   void Reset();
 
  private:
-  static constexpr int kStates = 28;
+  static constexpr int kStates = 34;
   using Vector = Eigen::Matrix<double, kStates, 1>;
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
 
@@ -123,6 +131,10 @@ class MotionFilter {
     double sigma;
   };
 
+  /// What a measurement shows: the pose, or where alignments find it.
+  enum class Shown { kPose, kAligned };
+  using Columns = Eigen::Matrix<double, kStates, 6>;
+
   void SetPoseAsAtStart(const Rigid3& T_world_event);
   void SetMotion(const Vector6d& sigma_velocity);
   /// Returns the derivative of the new state by the old one.
@@ -130,13 +142,19 @@ class MotionFilter {
   /// `error_share`: of the errors that the sensor has in motion.
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s,
                double error_share = 1);
-  Matrix6d PriorCovariance() const;
+  Rigid3 Predicted(Shown shown) const;
+  /// Of the state with what is shown.
+  Columns CovarianceWith(Shown shown) const;
+  Matrix6d CovarianceOf(Shown shown) const;
+  Matrix6d PriorCovariance(Shown shown) const;
+  void Condition(std::int64_t t_ns, Shown shown, const Rigid3& T_world_measured, const Matrix6d& information,
+                 double variance_scale);
   /// Of the accelerations [a; alpha] that the options allow, squared.
   Vector6d LiveliestVariance() const;
   /// `moved`: from the predicted pose to the measured one; `expected`: what was stated of that.
   void NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected);
-  /// `moved`: from the predicted pose to the measured one.
-  void NoteFit(const Vector6d& moved, const Matrix6d& information, double variance_scale);
+  /// `moved`: from what was predicted to what was measured.
+  void NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& information, double variance_scale);
   /// Without the accelerometer where that cannot be one in m/s^2.
   InertialMean Usable(InertialMean inertial, double dt_s);
   Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
@@ -152,13 +170,15 @@ class MotionFilter {
   Eigen::Vector3d gravity_world_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d gyroscope_bias_ = Eigen::Vector3d::Zero(), accelerometer_bias_ = Eigen::Vector3d::Zero();
   double delay_s_ = 0;
-  double turn_misfit_ = 0, push_misfit_ = 0;  // variances of gyroscope and accelerometer over those of good ones
+  Vector6d shared_error_ = Vector6d::Zero();  // right perturbation [rho; phi] from the pose to where alignments find it
+  Matrix6d shared_variance_ = Matrix6d::Zero();  // that it tends to
+  double turn_misfit_ = 0, push_misfit_ = 0;     // variances of gyroscope and accelerometer over those of good ones
   double turn_misfit_shown_ = 0, push_misfit_shown_ = 0;
   double read_turn_s_ = 0, read_push_s_ = 0;  // since the last pose
   double force_m_s2_ = 0;                     // mean; 0: not known
   bool reads_ = false;
   // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias;
-  // delay].
+  // delay; error that alignments share].
   Matrix P_ = Matrix::Zero();
   Matrix6d before_rest_ = Matrix6d::Zero();  // mean square of the velocity, while it is held still
   double rested_s_ = 0;

@@ -38,6 +38,7 @@ struct TrackingIdeas {
   bool unmatched_cost = true;
   bool fine_alignment = true;
   bool weigh_events = true;
+  bool shared_errors = true;
   bool calm_motion = true;
   bool motion_prior = true;
   bool mean_velocity = true;
@@ -144,6 +145,9 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "once they lie near their edges, points are aligned again with half of the truncation; false: only once");
   visit("ablation.weigh_events", tracking.weigh_events,
         "poses of few events count less against the motion so far; false: as those of many");
+  visit("ablation.shared_errors", tracking.shared_errors,
+        "what successive alignments err alike is told from motion by its likeness; false: each errs by itself, twice "
+        "as much");
   visit("ablation.calm_motion", tracking.calm_motion,
         "without an inertial sensor the prior takes a calm motion to stay calm; false: always as lively as options "
         "allow");

@@ -82,8 +82,11 @@ class Tracker {
   void ContinueToNow(bool held, PoseEstimate* pose) const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
-  /// That err together, in an alignment to this surface.
-  double PointsPerMeasurement(const Surface& surface) const;
+  /// Points of an alignment that count as one: for what this surface errs by itself, and successive ones alike.
+  struct ErrorsAlike {
+    double own, shared;
+  };
+  ErrorsAlike PointsThatErrAlike(const Surface& surface) const;
   void Register(const Surface& surface, PoseEstimate* pose);
   /// For an alignment whose information is `scale` squared times the filter's.
   PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;

@@ -49,8 +49,9 @@ constexpr double kGiveUp_s = 1;
 // for tens of milliseconds, and what lies between two is a guess that depth contradicts where the motion changes fast:
 // what an inertial sensor led to is not given up for that.
 constexpr int kContradictions = 2, kInertialContradictions = 6;
-constexpr double kBadFor_s = 0.03;  // matching next to nothing, a pose is not the events' any more
-constexpr double kHeld_m = 5e-3;    // a pose is held as if it were known so well: farther off, the camera has moved
+constexpr double kMaxBefore = 0.25;  // of the time between two images, that lies before a standstill
+constexpr double kBadFor_s = 0.03;   // matching next to nothing, a pose is not the events' any more
+constexpr double kHeld_m = 5e-3;     // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
@@ -135,7 +136,9 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   if (sure_of_events || (depth_fusion_.contradictions() < least && !IsSeenMoving())) return;
   const std::int64_t now_ns = motion_.time_ns();
   // What two images span of the motion before a standstill says nothing of now.
-  const bool of_now = !held_ || depth_fusion_.velocity_since_ns() >= last_active_ns_;
+  const std::int64_t since_ns = depth_fusion_.velocity_since_ns();
+  const bool of_now = !held_ || static_cast<double>(last_events_ns_ - since_ns) <=
+                                    kMaxBefore * static_cast<double>(depth.t_ns - since_ns);
   const Vector6d velocity = of_now ? depth_fusion_.velocity_event() : Vector6d(Vector6d::Zero());
   StartAt(now_ns, depth.T_world_event * Exp(velocity * SecondsFromNs(now_ns - depth.t_ns)), velocity);
   last_active_ns_ = now_ns;
@@ -283,7 +286,7 @@ bool Tracker::StartFromRest() {
 
 void Tracker::NoteActivity(const Surface& surface, const PoseEstimate& pose) {
   const double since_s = SecondsFromNs(surface.t_ns - last_active_ns_);
-  if (!surface.still) last_active_ns_ = surface.t_ns;
+  if (!surface.still) last_active_ns_ = last_events_ns_ = surface.t_ns;
   const bool known = !surface.still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
   const double flow_px_s = known ? Flow(SurfaceVelocity()) : 0;
   activity_.Note(surface, flow_px_s);

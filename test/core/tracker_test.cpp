@@ -771,6 +771,32 @@ TEST(Tracker, TakesNoVelocityInAStandstillFromADepthImageOfBefore) {
   EXPECT_LT(Log((stopped * off).inverse() * pose->T_world_event).norm(), 0.01);
 }
 
+TEST(Tracker, GoesOnWithTheVelocityThatFewDepthImagesShowWhereAStandstillWasNone) {
+  // A slow motion in the dark: its events end, but depth, five times a second, shows that it goes on.
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  const auto at = [](std::int64_t t_ns) { return Rigid3::Translation({0.08 * SecondsFromNs(t_ns), 0, 0}); };
+  std::int64_t t_ns = 0;
+  std::optional<PoseEstimate> pose;
+  const auto track = [&](Surface surface) {
+    surface.t_edges_ns = surface.t_ns - 2 * kPeriod_ns;  // the mean time of its events
+    pose = tracker.Track(surface);
+  };
+  for (int k = 0; k < 50; ++k) {
+    t_ns += kPeriod_ns;
+    Surface slow = Seen(t_ns, at(t_ns - 2 * kPeriod_ns));
+    slow.activity_hz = 0.2;
+    track(slow);
+  }
+  const std::int64_t first_ns = t_ns - kPeriod_ns / 10;  // hardly before the last events
+  for (int k = 1; k <= 41; ++k) {
+    track(Still(t_ns += kPeriod_ns));
+    const std::int64_t image_ns = first_ns + (k - 2) / 20 * 20 * kPeriod_ns;
+    if (k % 20 == 2) tracker.AddDepthPose(ByDepth(image_ns, at(image_ns)));
+  }
+  EXPECT_LT(Log(at(t_ns).inverse() * pose->T_world_event).norm(), 0.007) << "held, it would be 16 mm behind";
+}
+
 TEST(Tracker, BelievesDepthWhereSurfacesMatchNextToNothing) {
   const auto tracker = Moving();
   // The motion turns round where the map has nothing.

@@ -17,7 +17,7 @@ namespace {
 // Edge positions of neighbouring points err together; this many points count as one measurement of what each surface
 // errs by itself, so many as one of what successive ones err alike.
 constexpr double kPointsPerMeasurement = 7.5, kPointsPerShared = 6;
-constexpr double kWithoutShared = 2;  // times as many, where all errors are taken to be each surface's own
+constexpr double kWithoutShared = 2;  // times as many of the former, where no error is taken to be shared
 // That is so for surfaces this often. Of faster ones each shows mostly the events of those before it once more.
 constexpr double kUsualRate_hz = 100;
 // More points lie closer together on the same edges, and share their errors.
@@ -434,8 +434,8 @@ Tracker::ErrorsAlike Tracker::PointsThatErrAlike(const Surface& surface) const {
   const double few = ideas.weigh_events ? std::clamp(kEventsPerPoint * points / events, 1.0, kFewestCount) : 1;
   const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
   const double close = std::max(1.0, points / kUsualPoints);
-  const double own = (ideas.shared_errors ? 1 : kWithoutShared) * kPointsPerMeasurement * close *
-                     std::max(caution, few) * std::max(1.0, options_.surface.rate_hz / kUsualRate_hz);
+  const double weighed = std::max(caution, ideas.shared_errors ? few : kWithoutShared * few);
+  const double own = kPointsPerMeasurement * close * weighed * std::max(1.0, options_.surface.rate_hz / kUsualRate_hz);
   return {own, ideas.shared_errors ? kPointsPerShared * close * few : 0};
 }
 

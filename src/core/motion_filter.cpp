@@ -89,8 +89,6 @@ void MotionFilter::Reset() {
   gyroscope_bias_.setZero();
   accelerometer_bias_.setZero();
   delay_s_ = 0;
-  shared_error_.setZero();
-  shared_variance_.setZero();
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
   reads_ = false;
@@ -190,17 +188,14 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
-  return {ahead.T_world_event_,
-          ahead.velocity_,
-          ahead.velocity_covariance(),
-          ahead.PriorCovariance(Shown::kPose),
-          ahead.Predicted(Shown::kAligned),
-          ahead.PriorCovariance(Shown::kAligned)};
+  return ahead.Now(ahead.velocity_);
 }
 
-MotionFilter::Prediction MotionFilter::AtRest() const {
+MotionFilter::Prediction MotionFilter::AtRest() const { return Now(Vector6d::Zero()); }
+
+MotionFilter::Prediction MotionFilter::Now(const Vector6d& velocity_event) const {
   return {T_world_event_,
-          Vector6d::Zero(),
+          velocity_event,
           velocity_covariance(),
           PriorCovariance(Shown::kPose),
           Predicted(Shown::kAligned),

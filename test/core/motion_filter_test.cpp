@@ -8,11 +8,11 @@
 #include <string>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "devo/core/time.h"
+#include "most_probable.h"
 
 namespace devo {
 namespace {
@@ -152,9 +152,7 @@ MotionFilter AlignedWith(const Vector6d& off, double shared) {
   for (int k = 1; k <= 100; ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
     const auto predicted = filter.Predict(t_ns);
-    const Matrix6d prior = predicted.aligned_covariance.inverse();
-    const Vector6d to_found = Log(predicted.T_world_aligned.inverse() * TrueAt(t_ns) * Exp(off));
-    const Rigid3 found = predicted.T_world_aligned * Exp((prior + information).ldlt().solve(information * to_found));
+    const Rigid3 found = MostProbable(predicted, TrueAt(t_ns) * Exp(off), information);
     filter.Update(t_ns, MotionFilter::LikelihoodOf(predicted, found, information, shared, 1));
   }
   return filter;
@@ -204,11 +202,7 @@ TEST(MotionFilter, HasErrorsOfTheSizeThatItStates) {
     const std::int64_t t_ns = k * kPeriod_ns;
     const auto prediction = filter.Predict(t_ns);
     const Vector6d off = Vector6d::NullaryExpr([&] { return noise(random); });
-    const Vector6d measured = Log(prediction.T_world_event.inverse() * TrueAt(t_ns) * Exp(off));
-    // The pose that maximises prior and measurement together, to first order.
-    const Matrix6d prior = prediction.covariance.inverse();
-    const Vector6d both = (prior + measured_information).inverse() * (measured_information * measured);
-    filter.Update(t_ns, prediction.T_world_event * Exp(both), measured_information);
+    filter.Update(t_ns, MostProbable(prediction, TrueAt(t_ns) * Exp(off), measured_information), measured_information);
     const Vector6d error = Log(TrueAt(t_ns).inverse() * filter.pose());
     sum += error.dot(filter.pose_covariance().inverse() * error);
   }

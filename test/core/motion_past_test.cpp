@@ -4,11 +4,10 @@
 #include <cmath>
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include "devo/core/depth_image.h"
 #include "devo/core/time.h"
+#include "most_probable.h"
 
 namespace devo {
 namespace {
@@ -51,11 +50,8 @@ struct Track {
     }
     const Matrix6d information = Matrix6d::Identity() / (sigma * sigma);
     const auto predicted = motion.Predict(t_ns);
-    const Matrix6d prior = predicted.aligned_covariance.inverse();
-    const Vector6d to_found = Log(predicted.T_world_aligned.inverse() * TrueAt(t_ns) * Exp(off));
-    const Rigid3 most_probable =
-        predicted.T_world_aligned * Exp((prior + information).ldlt().solve(information * to_found));
-    step.measured = MotionFilter::LikelihoodOf(predicted, most_probable, information, shared, 1);
+    const Rigid3 found = MostProbable(predicted, TrueAt(t_ns) * Exp(off), information);
+    step.measured = MotionFilter::LikelihoodOf(predicted, found, information, shared, 1);
     motion.Update(t_ns, *step.measured);
     Note(before, step);
   }
@@ -194,9 +190,7 @@ TEST(MotionFilter, IsToldTheSameByALikelihoodWhateverItPredicts) {
   const auto predicted = track.motion.Predict(t_ns);
   const Rigid3 measured = predicted.T_world_aligned * Exp(kOff);
   const auto most_probable = [&](const MotionFilter::Prediction& prior) {
-    const Matrix6d P = prior.aligned_covariance.ldlt().solve(Matrix6d::Identity());
-    const Vector6d apart = Log(prior.T_world_aligned.inverse() * measured);
-    return prior.T_world_aligned * Exp((P + information).ldlt().solve(information * apart));
+    return MostProbable(prior, measured, information);
   };
   const auto said = MotionFilter::LikelihoodOf(predicted, most_probable(predicted), information, 0, 1);
   MotionFilter same = track.motion, told = track.motion;

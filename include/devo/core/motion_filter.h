@@ -142,6 +142,8 @@ class MotionFilter {
   /// `error_share`: of the errors that the sensor has in motion.
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s,
                double error_share = 1);
+  /// Of this moment, with this velocity.
+  Prediction Now(const Vector6d& velocity_event) const;
   Rigid3 Predicted(Shown shown) const;
   /// Of the state with what is shown.
   Columns CovarianceWith(Shown shown) const;

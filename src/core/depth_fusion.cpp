@@ -21,6 +21,9 @@ constexpr double kMaxDelay_s = 0.05;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
+// Real depth errs in more ways than are stated (its calibration moves, its clock is off). What differs more than usual,
+// as a normalised square, may be its error as well as the pose's, unless something else says that it is the pose.
+constexpr double kUsualSquare = 4;
 // So fast a pose may have gone astray since depth agreed with it. Also in radians.
 constexpr double kAstray_m_s = 1;
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of a velocity
@@ -92,7 +95,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   agreed_ = depth;
   if (knows_all) found_ns_ = depth.t_ns;
 
-  const Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
+  Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
+  if (!estimate.guided && !estimate.doubtful) R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
   const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);

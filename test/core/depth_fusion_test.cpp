@@ -37,6 +37,23 @@ TEST(DepthFusion, MovesThePoseByTheShareThatTheTwoCertaintiesSay) {
   EXPECT_LT(little->moved.norm(), 0.02 * SmallStep().norm());
 }
 
+TEST(DepthFusion, TakesWhatDiffersMoreThanUsualForAnErrorOfDepthAsWellUnlessSomethingElseSaysWhich) {
+  const Rigid3 T = Exp((Vector6d() << 1, 2, 3, 0.3, -0.2, 0.5).finished());
+  // Of two that are known alike: a normalised square of 4, up to which depth is as good as stated, and of 12.
+  const Vector6d usual = 2 * std::sqrt(2.0) * 0.99e-3 * SmallStep().normalized(), unusual = std::sqrt(3.0) * usual;
+  const auto share = [&T](const Vector6d& residual, bool guided, bool doubtful) {
+    DepthFusion::Estimate estimate = EstimateAt(T);
+    estimate.guided = guided;
+    estimate.doubtful = doubtful;
+    const auto correction = DepthFusion().Correct(PoseAt(kPeriod_ns, T * Exp(residual)), estimate);
+    return correction ? correction->moved.norm() / residual.norm() : 0;
+  };
+  EXPECT_NEAR(share(usual, false, false), 0.5, 0.01);
+  EXPECT_NEAR(share(unusual, false, false), 0.5 / 3, 0.01);
+  EXPECT_NEAR(share(unusual, true, false), 0.5, 0.01);
+  EXPECT_NEAR(share(unusual, false, true), 0.5, 0.01);
+}
+
 TEST(DepthFusion, SeesMotionSinceATimeInTwoImagesOfThen) {
   const Rigid3 near = Exp(5 * SmallStep()), far = Exp(10 * SmallStep());
   DepthFusion fusion;

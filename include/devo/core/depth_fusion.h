@@ -22,6 +22,7 @@ class DepthFusion {
     Rigid3 T_world_event;       ///< at the depth image's time
     Matrix6d covariance;        ///< of a right perturbation [rho; phi] (m, rad) of it
     double variance_scale = 1;  ///< of what is stated of poses, as far as known without depth
+    bool guided = false;        ///< by an inertial sensor
     bool doubtful = false;      ///< less than usual of what was seen matches: it may be farther off than stated
   };
   struct Correction {

@@ -30,9 +30,6 @@ constexpr double kEventsPerPoint = 12, kFewestCount = 8;
 constexpr double kInertialCaution = 8;
 constexpr double kEdgeSigma_px = 0.5;
 constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
-// Without an inertial sensor surfaces are compensated with the mean velocity of this span, about that of their events:
-// the filter's velocity is newer, but noisier, and its noise would come back through the surfaces.
-constexpr double kVelocitySpan_s = 0.04;
 constexpr double kDegradedShare = 0.35;
 constexpr double kLostAfter_s = 0.2;          // of poses in a row that matched next to nothing, or far less than usual
 constexpr double kInertialLostAfter_s = 0.6;  // the same, bridged by an inertial sensor
@@ -197,10 +194,7 @@ void Tracker::Reset() {
 int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.surface.rate_hz); }
 
 Vector6d Tracker::SurfaceVelocity() const {
-  if (history_.empty()) return Vector6d::Zero();
-  if (FollowsInertial() || !options_.tracking.ideas.mean_velocity) return motion_.velocity_event();
-  const auto T_world_then = history_.At(history_.last_time_ns() - NsFromSeconds(kVelocitySpan_s));
-  return T_world_then ? Vector6d(Log(T_world_then->inverse() * history_.last()) / kVelocitySpan_s) : Vector6d::Zero();
+  return history_.empty() ? Vector6d(Vector6d::Zero()) : motion_.velocity_event();
 }
 
 std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {

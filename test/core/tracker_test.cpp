@@ -421,25 +421,6 @@ TEST(Tracker, GivesWayToThePredictionUnlessThePriorIsSwitchedOff) {
   }
 }
 
-TEST(Tracker, GivesTheNewestVelocityWithAnInertialSensorOrWhenItsMeanIsSwitchedOff) {
-  // From rest, 3 m/s^2 sideways for 0.2 s: the mean of 40 ms is 20 ms older than the newest.
-  const auto behind_m_s = [](bool mean_velocity, bool inertial) {
-    OdometryOptions options;
-    options.tracking.ideas.mean_velocity = mean_velocity;
-    Tracker tracker(TestCamera(), options);
-    tracker.SetMap(Map());
-    for (int k = 1; k <= 20; ++k) {
-      const double t_s = SecondsFromNs(k * kPeriod_ns);
-      for (int i = -4; i <= 0 && inertial; ++i) tracker.AddImu(ReadAlongX(k * kPeriod_ns + i * kPeriod_ns / 5, 3));
-      tracker.Track(Seen(k * kPeriod_ns, Rigid3::Translation({1.5 * t_s * t_s, 0, 0})));
-    }
-    return 0.6 - tracker.SurfaceVelocity()[0];
-  };
-  EXPECT_GT(behind_m_s(false, false), 0);
-  EXPECT_LT(behind_m_s(false, false), behind_m_s(true, false) - 0.01);
-  EXPECT_LT(std::abs(behind_m_s(true, true)), behind_m_s(true, false) - 0.01);
-}
-
 TEST(Tracker, SaysWhetherItsVelocityIsOfPosesAlone) {
   for (const bool inertial : {false, true}) {
     Tracker tracker(TestCamera(), OdometryOptions());

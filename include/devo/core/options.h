@@ -41,7 +41,6 @@ struct TrackingIdeas {
   bool shared_errors = true;
   bool calm_motion = true;
   bool motion_prior = true;
-  bool mean_velocity = true;
   bool search = true;
   bool start_from_rest = true;
 };
@@ -153,9 +152,6 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "allow");
   visit("ablation.motion_prior", tracking.motion_prior,
         "the prediction holds directions that the edges leave open; false: it is the start only");
-  visit("ablation.mean_velocity", tracking.mean_velocity,
-        "without an inertial sensor surfaces are compensated with the mean velocity of 40 ms; false: always with the "
-        "filter's newest");
   visit("ablation.search", tracking.search, "a better pose is sought when one matches less than usual; false: never");
   visit("ablation.start_from_rest", tracking.start_from_rest,
         "an inertial sensor gives a first map's velocity from the rest before it; false: gravity's direction alone");

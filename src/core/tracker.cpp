@@ -112,9 +112,8 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   const Rigid3 T_world_then = then->pose();
   Matrix6d covariance = then->pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
-  const auto correction = depth_fusion_.Correct(
-      depth, {T_world_then, covariance, residual_scale_.variance_scale(), FollowsInertial(),
-              quality_.suspicious_in_a_row() > 0});
+  const auto correction = depth_fusion_.Correct(depth, {T_world_then, covariance, residual_scale_.variance_scale(),
+                                                        FollowsInertial(), quality_.suspicious_in_a_row() > 0});
   if (correction && !held_) {
     then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
     motion_ = past_.Again(*then, inertial_, &history_);

@@ -55,8 +55,8 @@ class Tracker {
   /// map comes, some of them are later than it, and a camera in motion is followed through them to now.
   std::optional<PoseEstimate> Track(const SurfacePtr& surface);
 
-  /// Velocity for compensating the next surface: [v; omega], m/s and rad/s, of and in the event frame. Zero before there
-  /// are poses.
+  /// Velocity for compensating the next surface: [v; omega], m/s and rad/s, of and in the event frame. Zero before
+  /// there are poses.
   Vector6d SurfaceVelocity() const;
 
   void Reset();

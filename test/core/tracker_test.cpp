@@ -421,6 +421,24 @@ TEST(Tracker, GivesWayToThePredictionUnlessThePriorIsSwitchedOff) {
   }
 }
 
+TEST(Tracker, GivesTheNewestVelocityNotAMeanOfPosesWithAndWithoutAnInertialSensor) {
+  // From rest, 3 m/s^2 sideways for 0.2 s: the mean of the last 40 ms is 20 ms older than the newest.
+  constexpr double kMeanBehind_m_s = 3 * 0.02;
+  const auto behind_m_s = [](bool inertial) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    for (int k = 1; k <= 20; ++k) {
+      const double t_s = SecondsFromNs(k * kPeriod_ns);
+      for (int i = -4; i <= 0 && inertial; ++i) tracker.AddImu(ReadAlongX(k * kPeriod_ns + i * kPeriod_ns / 5, 3));
+      tracker.Track(Seen(k * kPeriod_ns, Rigid3::Translation({1.5 * t_s * t_s, 0, 0})));
+    }
+    return 0.6 - tracker.SurfaceVelocity()[0];
+  };
+  EXPECT_GT(behind_m_s(false), 0);
+  EXPECT_LT(behind_m_s(false), kMeanBehind_m_s - 0.01);
+  EXPECT_LT(std::abs(behind_m_s(true)), kMeanBehind_m_s - 0.01);
+}
+
 TEST(Tracker, SaysWhetherItsVelocityIsOfPosesAlone) {
   for (const bool inertial : {false, true}) {
     Tracker tracker(TestCamera(), OdometryOptions());

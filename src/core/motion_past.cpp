@@ -46,6 +46,23 @@ std::optional<MotionFilter> MotionPast::At(std::int64_t t_ns, const MotionFilter
   return motion;
 }
 
+std::optional<MotionFilter> MotionPast::AgainInMotion(std::int64_t t_ns, const InertialBuffer& inertial,
+                                                      PoseHistory* history) {
+  const auto stands_since = [t_ns](const Made& made) {
+    return made.step.kind == Kind::kStill && made.before.time_ns() >= t_ns;
+  };
+  const auto last_before = std::find_if_not(steps_.rbegin(), steps_.rend(), stands_since);
+  const auto first = last_before.base();
+  if (first == steps_.end()) return std::nullopt;
+  const MotionFilter then = first->before;
+  if (!ReadSince(then, steps_.back().step.t_ns, inertial)) return std::nullopt;
+  for (auto made = first; made != steps_.end(); ++made) {
+    made->step.kind = Kind::kMoving;
+    made->step.inertial = true;
+  }
+  return Again(then, inertial, history);
+}
+
 MotionFilter MotionPast::Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history) {
   const std::int64_t t_ns = then.time_ns();
   while (!steps_.empty() && steps_.front().step.t_ns <= t_ns) steps_.pop_front();

@@ -64,6 +64,10 @@ constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.01;
 // events says little against it then. Where an accelerometer knows it, it is as small as noise once the camera stands.
 constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15, kKnownMoving = 2, kHiddenMoving = 4;
 
+// Where a motion begins slowly, or few edges show it, this long passes before events tell that a rest is over. An
+// inertial sensor that was held to stand meanwhile would lead on without the velocity that it missed.
+constexpr double kBeginsUnseen_s = 0.2;
+
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
 constexpr std::int64_t kRestStep_ns = 10'000'000, kUsedOfRest_ns = 1'000'000'000;
@@ -225,7 +229,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
              MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   if (!held_) held_since_ns_ = surface.t_edges_ns;
-  held_ = surface.still && !coasting_;
+  if (std::exchange(held_, surface.still && !coasting_) && !surface.still) LeaveRest();
   if (surface.t_edges_ns > motion_.time_ns()) {
     const MotionFilter before = motion_;
     step_ = {surface.t_edges_ns};
@@ -318,6 +322,12 @@ Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
   const auto chapter = static_cast<std::size_t>(map_->chapter);
   if (chapter < chapter_covariance_.size()) covariance += chapter_covariance_[chapter];
   return covariance;
+}
+
+void Tracker::LeaveRest() {
+  if (!InertialFits()) return;
+  const std::int64_t begun_ns = motion_.time_ns() - NsFromSeconds(kBeginsUnseen_s);
+  if (const auto moving = past_.AgainInMotion(begun_ns, inertial_, &history_)) motion_ = *moving;
 }
 
 std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {

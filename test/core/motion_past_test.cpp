@@ -37,13 +37,7 @@ struct Track {
     const std::int64_t t_ns = next_ns();
     const MotionFilter before = motion;
     MotionPast::Step step{t_ns};
-    for (std::int64_t t = t_ns - kPeriod_ns + 2'000'000; t <= t_ns; t += 2'000'000) {
-      ImuSample sample;
-      sample.t_ns = t;
-      sample.angular_velocity = kTwist.tail<3>();
-      sample.linear_acceleration.setConstant(std::nan(""));
-      inertial.Add(sample);
-    }
+    Read(t_ns, kTwist.tail<3>());
     if (const auto read = inertial_led ? ReadSince(motion, t_ns, inertial) : std::nullopt) {
       motion.Advance(t_ns, *read);
       step.inertial = true;
@@ -54,6 +48,15 @@ struct Track {
     step.measured = MotionFilter::LikelihoodOf(predicted, found, information, shared, 1);
     motion.Update(t_ns, *step.measured);
     Note(before, step);
+  }
+
+  /// In a surface that shows a standstill; the sensor says what it is `turning`, rad/s.
+  void Rest(const Eigen::Vector3d& turning) {
+    const MotionFilter before = motion;
+    const std::int64_t t_ns = next_ns();
+    Read(t_ns, turning);
+    motion.HoldStill(t_ns, ReadSince(motion, t_ns, inertial));
+    Note(before, {t_ns, Kind::kStill, false, std::nullopt});
   }
 
   void Unseen(Kind kind) {
@@ -76,6 +79,17 @@ struct Track {
   bool inertial_led = false;
 
  private:
+  /// A gyroscope alone, in the period until `t_ns`.
+  void Read(std::int64_t t_ns, const Eigen::Vector3d& angular_velocity) {
+    for (std::int64_t t = t_ns - kPeriod_ns + 2'000'000; t <= t_ns; t += 2'000'000) {
+      ImuSample sample;
+      sample.t_ns = t;
+      sample.angular_velocity = angular_velocity;
+      sample.linear_acceleration.setConstant(std::nan(""));
+      inertial.Add(sample);
+    }
+  }
+
   void Note(const MotionFilter& before, const MotionPast::Step& step) {
     past.Note(before, step);
     history.Add(motion.time_ns(), motion.pose());
@@ -129,6 +143,40 @@ TEST(MotionPast, GoesTheSameWayAgainWhereNothingIsTold) {
     EXPECT_LT(Log(TrueAt(8 * kPeriod_ns).inverse() * track.history.At(8 * kPeriod_ns).value()).norm(), 1e-4);
     EXPECT_EQ(track.history.last_time_ns(), now.time_ns());
   }
+}
+
+TEST(MotionPast, LeadsOnFromWhereARestEnded) {
+  Track track;
+  for (int k = 0; k < 10; ++k) track.Rest(Eigen::Vector3d::Zero());
+  const MotionFilter rested = track.motion;
+  for (int k = 0; k < 4; ++k) track.Rest(kTwist.tail<3>());
+  const MotionFilter held = track.motion;
+  EXPECT_LT(Log(rested.pose().inverse() * held.pose()).norm(), 1e-12);
+  MotionFilter led = rested;
+  while (led.time_ns() < held.time_ns()) {
+    const std::int64_t t_ns = led.time_ns() + kPeriod_ns;
+    led.Advance(t_ns, *ReadSince(led, t_ns, track.inertial));
+  }
+  const auto moving = track.past.AgainInMotion(rested.time_ns(), track.inertial, &track.history);
+  ASSERT_TRUE(moving);
+  ExpectAlike(*moving, led);
+  EXPECT_NEAR(RotationAngle(held.pose().inverse() * moving->pose()), 0.04 * kTwist.tail<3>().norm(), 2e-3);
+  EXPECT_LT(Log(track.history.At(held.time_ns())->inverse() * moving->pose()).norm(), 1e-9);
+  EXPECT_LT(Log(track.history.At(rested.time_ns())->inverse() * rested.pose()).norm(), 1e-9);
+  // What is told late from now on meets that motion.
+  EXPECT_GT(RotationAngle(rested.pose().inverse() *
+                          track.past.At(held.time_ns() - kPeriod_ns, *moving, track.inertial)->pose()),
+            0.01);
+}
+
+TEST(MotionPast, LeadsOnFromNoRestThatIsOverOrThatTheSensorDidNotRead) {
+  Track over;
+  over.Rest(Eigen::Vector3d::Zero());
+  over.Measure();
+  EXPECT_FALSE(over.past.AgainInMotion(0, over.inertial, &over.history));
+  Track unread;
+  unread.Unseen(Kind::kStill);
+  EXPECT_FALSE(unread.past.AgainInMotion(0, unread.inertial, &unread.history));
 }
 
 TEST(MotionPast, WhatIsToldLateIsAsIfItWereToldInTimeWhereNothingWasMeasuredSince) {

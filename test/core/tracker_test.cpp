@@ -330,6 +330,34 @@ TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
   EXPECT_LT(tracker->SurfaceVelocity().norm(), 1e-6);
 }
 
+TEST(Tracker, LeavesARestWithTheVelocityThatTheCameraReachedBeforeEventsShowedIt) {
+  constexpr int kBegins = 100, kShows = 120;
+  constexpr double kAcceleration_m_s2 = 0.8;
+  const auto since_s = [](double k) { return 0.01 * std::max(0.0, k - kBegins); };
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  for (int k = 1; k <= kShows; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    for (int i = -4; i <= 0; ++i) {
+      const double read = k + 0.2 * i;
+      tracker.AddImu(ReadAlongX(t_ns + i * kPeriod_ns / 5, read > kBegins ? kAcceleration_m_s2 : 0));
+    }
+    // Nothing matches: the pose is what was known of the motion.
+    Surface surface = Still(t_ns);
+    surface.still = k < kShows;
+    surface.activity_hz = surface.still ? 0.01 : 5;
+    const auto pose = tracker.Track(surface);
+    ASSERT_TRUE(pose);
+    if (k < kShows) {
+      ASSERT_EQ(pose->T_world_event.translation().norm(), 0) << k;
+      continue;
+    }
+    const double moved_m = 0.5 * kAcceleration_m_s2 * std::pow(since_s(k), 2);  // 16 mm
+    EXPECT_LT(Log(Rigid3::Translation({-moved_m, 0, 0}) * pose->T_world_event).norm(), 1.5e-3);
+    EXPECT_NEAR(pose->velocity_event[0], kAcceleration_m_s2 * since_s(k), 0.02);
+  }
+}
+
 TEST(Tracker, HoldsThePoseAfterAHardStop) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());

@@ -73,6 +73,8 @@ class Tracker {
   bool IsSeenMoving() const;
   /// A pose by depth, moved to now, does not fit: without events it is believed when another says so, too.
   void Contradict(const DepthPose& depth, const Rigid3& T_world_now);
+  /// Events say that the camera moves, which was held to stand: it began to before they did.
+  void LeaveRest();
   /// From where depth contradicts; false: that is no better.
   bool TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event, AlignmentResult* result);
   void NoteActivity(const Surface& surface, const PoseEstimate& pose);

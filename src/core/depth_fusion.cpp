@@ -24,6 +24,10 @@ constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the
 // Real depth errs in more ways than are stated (its calibration moves, its clock is off). What differs more than usual,
 // as a normalised square, may be its error as well as the pose's, unless something else says that it is the pose.
 constexpr double kUsualSquare = 4;
+// Depth that is aligned to the wrong place is so at another one each time. What contradicts in a row, and each time alike
+// (but for how fast a false pose drifts), is right, whatever events match: a map that was made from a false pose fits it.
+constexpr int kAlikeInARow = 3;
+constexpr double kDrift_m_s = 0.1;  // also in rad/s
 // So fast a pose may have gone astray since depth agreed with it. Also in radians.
 constexpr double kAstray_m_s = 1;
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of a velocity
@@ -71,6 +75,20 @@ double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
   return kStatedAlone * apart * std::pow(1 + since_s / kAgrees_s, kGrowthAlone);
 }
 
+void DepthFusion::NoteContradiction(std::int64_t t_ns, bool contradicts, const Vector6d& residual,
+                                    const Matrix6d& covariance) {
+  if (!contradicts) {
+    alike_in_a_row_ = 0;
+    return;
+  }
+  const double drift_m = kDrift_m_s * SecondsFromNs(t_ns - contradicted_ns_);
+  const Matrix6d apart = 2 * covariance + drift_m * drift_m * Matrix6d::Identity();
+  const bool alike = NormalisedSquare(residual - contradicted_, apart) < kMaxNormalisedSquare;
+  alike_in_a_row_ = alike ? alike_in_a_row_ + 1 : 1;
+  contradicted_ns_ = t_ns;
+  contradicted_ = residual;
+}
+
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
   NoteVelocity(depth);
   const double since_s = agreed_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_->t_ns)) : kAlike_s;
@@ -85,18 +103,20 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   if (knows_all) error_scale_.Note(depth.t_ns, residual, estimate.variance_scale * stated);
   const double square = NormalisedSquare(residual, stated);
   const bool contradicts = square > kMaxNormalisedSquare;
-  if (contradicts && (knows_all || !estimate.doubtful)) {
+  if (knows_all) NoteContradiction(depth.t_ns, contradicts, residual, alone + rest);
+  const bool wrong = knows_all ? alike_in_a_row_ >= kAlikeInARow : estimate.doubtful;
+  if (contradicts && !wrong) {
     contradictions_ += knows_all ? 1 : 0;
     return std::nullopt;
   }
-  if (!contradicts) contradictions_ = 0;
-  // A pose that is doubtful is as wrong as depth says, in the directions that depth knows.
+  if (!contradicts || knows_all) contradictions_ = 0;
+  // Such a pose is as wrong as depth says, in the directions that depth knows.
   const Matrix6d covariance = std::max(1.0, square / kMaxNormalisedSquare) * estimate.covariance;
   agreed_ = depth;
   if (knows_all) found_ns_ = depth.t_ns;
 
   Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
-  if (!estimate.guided && !estimate.doubtful) R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
+  if (!estimate.guided && !estimate.doubtful && !contradicts) R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
   const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);

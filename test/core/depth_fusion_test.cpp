@@ -54,6 +54,35 @@ TEST(DepthFusion, TakesWhatDiffersMoreThanUsualForAnErrorOfDepthAsWellUnlessSome
   EXPECT_NEAR(share(unusual, false, true), 0.5, 0.01);
 }
 
+TEST(DepthFusion, BelievesTheThirdInARowThatContradictsAlike) {
+  for (const bool guided : {false, true}) {
+    DepthFusion::Estimate estimate = EstimateAt(Rigid3());
+    estimate.guided = guided;
+    const auto residual_at = [](int k) -> Vector6d { return (50 + 0.5 * k) * SmallStep(); };  // it drifts
+    DepthFusion fusion;
+    for (int k = 1; k <= 2; ++k) EXPECT_FALSE(fusion.Correct(PoseAt(k * kPeriod_ns, Exp(residual_at(k))), estimate));
+    const auto correction = fusion.Correct(PoseAt(3 * kPeriod_ns, Exp(residual_at(3))), estimate);
+    ASSERT_TRUE(correction);
+    EXPECT_GT(correction->moved.norm(), 0.9 * residual_at(3).norm());
+    EXPECT_EQ(fusion.contradictions(), 0);
+  }
+}
+
+TEST(DepthFusion, BelievesNoneOfThoseThatContradictEachOtherToo) {
+  DepthFusion fusion;
+  for (int k = 1; k <= 12; ++k) {
+    const double times = k % 3 == 0 ? -50 : 50;
+    EXPECT_FALSE(fusion.Correct(PoseAt(k * kPeriod_ns, Exp(times * SmallStep())), EstimateAt(Rigid3())));
+  }
+  EXPECT_EQ(fusion.contradictions(), 12);
+  // Nor those with one between them that agrees.
+  for (int k = 13; k <= 24; ++k) {
+    const bool agrees = k % 3 == 0;
+    const Rigid3 T_world_event = agrees ? Rigid3() : Exp(50 * SmallStep());
+    EXPECT_EQ(fusion.Correct(PoseAt(k * kPeriod_ns, T_world_event), EstimateAt(Rigid3())).has_value(), agrees) << k;
+  }
+}
+
 TEST(DepthFusion, SeesMotionSinceATimeInTwoImagesOfThen) {
   const Rigid3 near = Exp(5 * SmallStep()), far = Exp(10 * SmallStep());
   DepthFusion fusion;

@@ -727,7 +727,7 @@ TEST(Tracker, LeavesAnInertialSensorsPoseInAGapOfTheEventsOnlyForManyDepthImages
   see(63);
   pose = track(65, Still(65 * kPeriod_ns, 0));
   EXPECT_LT(ErrorOf(pose), 5e-3);
-  for (int k = 66; k <= 70; ++k) {
+  for (int k = 66; k <= 80; ++k) {
     see(k - 2);
     pose = track(k, Still(k * kPeriod_ns, 0));
   }

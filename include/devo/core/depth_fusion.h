@@ -29,8 +29,9 @@ class DepthFusion {
     Vector6d moved;        ///< right perturbation of T_world_event to the most probable pose
     Matrix6d information;  ///< of the depth alone, on such a perturbation
   };
-  /// Depth poses in the order of their time. Empty where the two contradict each other; but one that leaves a direction
-  /// open, and so cannot replace a doubtful pose, corrects it in the others.
+  /// Depth poses in the order of their time. Empty where the two contradict each other, but for the third in a row that
+  /// does so alike; and one that leaves a direction open, and so cannot replace a doubtful pose, corrects it in the
+  /// others.
   std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
 
   /// Whether depth has seen the camera move since this time, from which on it is thought to stand: between two images
@@ -59,9 +60,14 @@ class DepthFusion {
   static constexpr double kDelaySigma_s = 0.01;
 
   void NoteVelocity(const DepthPose& depth);
+  /// `residual`: from the pose by events to that by depth, of this covariance as far as depth goes.
+  void NoteContradiction(std::int64_t t_ns, bool contradicts, const Vector6d& residual, const Matrix6d& covariance);
 
   double delay_s_ = 0, delay_variance_ = kDelaySigma_s * kDelaySigma_s;
   int contradictions_ = 0;
+  int alike_in_a_row_ = 0;  // of these
+  std::int64_t contradicted_ns_ = 0;
+  Vector6d contradicted_ = Vector6d::Zero();  // residual of the last
   std::int64_t found_ns_ = 0;
   std::optional<DepthPose> last_, agreed_;  // agreed_: the last that did not contradict
   std::deque<DepthPose> past_;              // of the last moment, that know all directions

@@ -13,6 +13,9 @@
 namespace devo {
 namespace {
 
+// A point whose guessed depth may place it so far off, across its edge, counts half. That is less than an edge's own
+// error, as neighbours' guesses are wrong alike.
+constexpr float kTolerated_px = 0.15F;
 constexpr int kMinMatched = 30;  // fewer points hold no pose, however large their share
 // Far from their edges points find their way; near to them what is still farther off than this share of the truncation
 // is most often beside another edge, and what the loss tolerates may be as much smaller.
@@ -42,7 +45,8 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
     AlignmentPoint out{point.p_ref, 0, 0, 0, 1};
     if (!point.normal_ref.isZero()) {
       const Eigen::Vector2f normal = ProjectNormal(point.normal_ref, R, p);
-      const Eigen::Matrix<float, 6, 1> along = window_s * ImageVelocityAlong(normal, p, camera);
+      const Eigen::Matrix<float, 6, 1> per_motion = ImageVelocityAlong(normal, p, camera),
+                                       along = window_s * per_motion;
       const float across_px = along.dot(velocity);
       if (ideas.match_direction) {
         out.normal_x = normal.x();
@@ -50,6 +54,9 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
         out.lag_strength = LagStrength(across_px, (L_t * along).norm(), lag_px);
       }
       if (ideas.visibility_weight) out.expected = VisibilityOfMotion(across_px);
+      // A point moves through the image as it does when the camera moves the other way.
+      const float by_depth_px = per_motion.head<3>().dot(R * point.sigma_depth_ref);
+      out.expected /= 1 + by_depth_px * by_depth_px / (kTolerated_px * kTolerated_px);
       if (ideas.match_polarity && std::abs(across_px) > kClearMotion_px) {
         out.polarity = -std::copysign(point.sign, point.sign * across_px);
       }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "devo/core/depth_guess.h"
 #include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
 #include "devo/core/time.h"
@@ -17,6 +18,7 @@ constexpr std::size_t kMaxSurfaces = 32;
 constexpr std::size_t kMaxDepths = 32, kMaxSweeps = 4;
 // The first reference decides the scale of all that follows: it waits for enough edges.
 constexpr std::size_t kMinPointsOfFirst = 200, kMinPoints = 40;
+constexpr double kMargin_px = 3;  // from the image's border, where edges of a depth that is guessed are left out
 // The local map is composed anew when the view has moved by this share of the scene's depth, or this angle.
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
@@ -60,7 +62,7 @@ void Mapper::Reset() {
   poses_.Clear();
   velocity_.setZero();
   event_delay_ns_ = 0;
-  trackable_ = begin_chapter_ = false;
+  sure_ = trackable_ = begin_chapter_ = false;
   map_.Clear();
   depth_keyframes_.Clear();
   depth_of_rest_.Clear();
@@ -110,6 +112,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   covariance_ = pose.covariance_event;
   event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
   depth_delay_s_ = pose.depth_delay_s;
+  sure_ = pose.state == TrackingState::kTracking;
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
                pose.state == TrackingState::kRecovered;
   if (trackable_ && !map_.empty() && pose.chapter != map_.chapter()) map_.ReturnTo(pose.chapter);
@@ -152,7 +155,7 @@ LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
   changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
   changed |= map_.empty() && BeginFromRest();
-  ObserveBetweenDepths();
+  changed |= ObserveBetweenDepths();
   return changed || ViewMoved() ? MakeLocalMap() : nullptr;
 }
 
@@ -249,6 +252,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
   }
   ++of_depth->depth_used;
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
+  T_world_depth_ = T_world_event * last_match_.T_event_depth;
   scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
   if (options_.mapping.ideas.hide_points) {
     occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
@@ -267,9 +271,16 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     map_ = previous;
     return false;
   }
-  const auto visible = Observe(*surface, T_world_event);
+  auto visible = Observe(*surface, T_world_event);
+  map_.LeaveGuessed([this](const auto& point) { return ReadsDepthAt(point.u, point.v); }, &visible);
   map_.DropUnproven();
-  return AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
+  const bool added = AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
+  return GuessBesideTheMap(*surface, T_world_event, visible) || added;
+}
+
+bool Mapper::ReadsDepthAt(float x, float y) const {
+  constexpr int kCell = DepthRegistration::kCell;
+  return registration_.nearest_depth()(static_cast<int>(y) / kCell, static_cast<int>(x) / kCell) > 0;
 }
 
 std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const Rigid3& T_world_event) {
@@ -281,11 +292,56 @@ std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const
   return visible;
 }
 
-void Mapper::ObserveBetweenDepths() {
-  if (!options_.mapping.reuse_references || map_.empty() || !trackable_ || surfaces_.empty() || poses_.empty()) return;
+bool Mapper::ObserveBetweenDepths() {
+  if (!options_.mapping.reuse_references || map_.empty() || !trackable_ || surfaces_.empty()) return false;
   const Surface& surface = *surfaces_.back();
-  if (surface.still || SecondsFromNs(surface.t_edges_ns - observed_ns_) < kObserveEvery_s) return;
-  if (poses_.last_time_ns() == surface.t_edges_ns) Observe(surface, poses_.last());
+  if (surface.still || SecondsFromNs(surface.t_edges_ns - observed_ns_) < kObserveEvery_s) return false;
+  if (poses_.empty() || poses_.last_time_ns() != surface.t_edges_ns) return false;
+  const Rigid3& T_world_event = poses_.last();
+  const auto visible = Observe(surface, T_world_event);
+  const bool measured = MeasureBesideTheMap(surface, T_world_event, visible);
+  return GuessBesideTheMap(surface, T_world_event, visible) || measured;
+}
+
+bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
+                                 const std::vector<ReferenceMap::Visible>& visible) {
+  const auto beside = EdgesBesideTheMap(surface, DepthGuess(visible, camera_));
+  if (beside.empty()) return false;
+  std::vector<EdgePoint> edges;
+  for (const EdgePoint* edge : beside) edges.push_back(*edge);
+  registration_.Warp(last_match_.depth, T_world_event.inverse() * T_world_depth_, edges);
+  std::vector<MapPoint> points;
+  registration_.ForDepths(beside, [&](const EdgePoint& edge, const auto& depth) {
+    if (depth) points.push_back(MakePoint(edge, depth->z_m, surface.window_s));
+    return true;
+  });
+  if (points.size() < kMinPoints) return false;
+  map_.Add(surface.t_edges_ns, T_world_event, std::move(points));
+  ++counters_.references;
+  return true;
+}
+
+std::vector<const EdgePoint*> Mapper::EdgesBesideTheMap(const Surface& surface, const DepthGuess& guess) const {
+  std::vector<const EdgePoint*> beside;
+  if (!options_.mapping.ideas.guess_depth || !sure_ || surface.still) return beside;
+  for (const EdgePoint& edge : surface.edges) {
+    if (camera_.Contains({edge.x, edge.y}, kMargin_px) && !guess.IsKnown(edge.x, edge.y)) beside.push_back(&edge);
+  }
+  if (beside.size() < kMinPoints) beside.clear();
+  return beside;
+}
+
+bool Mapper::GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
+                               const std::vector<ReferenceMap::Visible>& visible) {
+  DepthGuess guess(visible, camera_);
+  std::vector<MapPoint> points;
+  for (const EdgePoint* edge : EdgesBesideTheMap(surface, guess)) {
+    const float z_m = ReadsDepthAt(edge->x, edge->y) ? 0 : guess.At(edge->x, edge->y);
+    if (z_m > 0) points.push_back(MakePoint(*edge, z_m, surface.window_s));
+  }
+  if (points.size() < kMinPoints) return false;
+  map_.AddGuessed(surface.t_edges_ns, T_world_event, std::move(points));
+  return true;
 }
 
 bool Mapper::BeginChapter(const Surface& surface, const Rigid3& T_world_event) {

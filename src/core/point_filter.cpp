@@ -8,7 +8,9 @@ namespace devo {
 namespace {
 
 // Of a new point: half a pixel, and what a depth camera gets wrong at edges.
-constexpr float kNewAcross_px = 0.5F, kNewDepthShare = 0.01F;
+constexpr float kNewAcross_px = 0.5F, kNewDepthShare = 0.01F, kGuessedDepthShare = 1;
+// By one sighting a depth changes at most by this factor: what it says of a larger change is far from linear.
+constexpr float kMostNearer = 2;
 // Of an edge in another view, the error of that view's pose included.
 constexpr float kSighting_px = 0.87F;
 
@@ -16,7 +18,13 @@ constexpr float kSighting_px = 0.87F;
 
 PointCovariance CovarianceOfNewPoint() { return {kNewAcross_px * kNewAcross_px, 0, kNewDepthShare * kNewDepthShare}; }
 
+PointCovariance CovarianceOfGuessedPoint() {
+  return {kNewAcross_px * kNewAcross_px, 0, kGuessedDepthShare * kGuessedDepthShare};
+}
+
 float SigmaAcross(const PointCovariance& covariance) { return std::sqrt(covariance.across); }
+
+float SigmaDepthShare(const PointCovariance& covariance) { return std::sqrt(covariance.depth); }
 
 void RefinePoint(const PointSighting& s, const Camera& camera, MapPoint* point, PointCovariance* covariance) {
   // What a pixel across the edge is there, and all of the depth.
@@ -31,10 +39,11 @@ void RefinePoint(const PointSighting& s, const Camera& camera, MapPoint* point, 
   const float variance =
       h_across * across_image + h_depth * depth_image + kSighting_px * kSighting_px / std::max(s.weight, 1e-6F);
   const float gain_across = across_image / variance, gain_depth = depth_image / variance;
-  point->p_ref -= s.distance_px * (gain_across * across_ref + gain_depth * depth_ref);
+  const float nearer = std::clamp(1 + s.distance_px * gain_depth, 1 / kMostNearer, kMostNearer);
+  point->p_ref = (point->p_ref - s.distance_px * gain_across * across_ref) / nearer;
   P.across -= gain_across * across_image;
-  P.across_depth -= gain_across * depth_image;
-  P.depth -= gain_depth * depth_image;
+  P.across_depth = (P.across_depth - gain_across * depth_image) / nearer;
+  P.depth = (P.depth - gain_depth * depth_image) / (nearer * nearer);
 }
 
 }  // namespace devo

@@ -24,6 +24,8 @@ constexpr float kHiddenShare = 0.04F, kHidden_m = 0.03F;
 // A point is judged after this much expectation, and dropped below this share of fulfilment.
 constexpr float kJudgeAfter = 6, kMinSupport = 0.3F;
 constexpr float kSupportDistance_px = 1.5F;
+// A depth that is not known to this share is a mere guess.
+constexpr float kUnknownDepthShare = 0.1F;
 constexpr int kSelectionCell_px = 32;
 constexpr std::size_t kAhead = 8;  // points: about the time that memory takes to answer
 
@@ -85,6 +87,10 @@ MapPoint PointOf(const ReferenceMap::Reference& reference, std::size_t i, const 
   point.p_ref = (T_frame_ref * point.p_ref.cast<double>()).cast<float>();
   point.normal_ref = (T_frame_ref.rotation() * point.normal_ref.cast<double>()).cast<float>();
   point.sigma_px = SigmaAcross(reference.evidence[i].covariance);
+  if (reference.guessed) {
+    const Eigen::Vector3f along_ray = SigmaDepthShare(reference.evidence[i].covariance) * reference.points[i].p_ref;
+    point.sigma_depth_ref = (T_frame_ref.rotation() * along_ray.cast<double>()).cast<float>();
+  }
   return point;
 }
 
@@ -120,7 +126,16 @@ PointSighting Sighting(const ReferenceMap::Visible& point, const Meeting& meetin
 ReferenceMap::ReferenceMap(const Camera& camera, const MappingOptions& options) : camera_(camera), options_(options) {}
 
 int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points) {
+  return Add(t_ns, T_world_ref, std::move(points), false);
+}
+
+int ReferenceMap::AddGuessed(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points) {
+  return Add(t_ns, T_world_ref, std::move(points), true);
+}
+
+int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points, bool guessed) {
   Reference reference;
+  reference.guessed = guessed;
   reference.id = next_id_++;
   reference.chapter = chapter_;
   reference.t_ns = t_ns;
@@ -134,7 +149,9 @@ int ReferenceMap::Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<
   for (const MapPoint& point : points) {
     reference.radius_m = std::max(reference.radius_m, (point.p_ref - reference.center_ref).norm());
   }
-  reference.evidence.assign(points.size(), Evidence());
+  Evidence none;
+  if (guessed) none.covariance = CovarianceOfGuessedPoint();
+  reference.evidence.assign(points.size(), none);
   reference.points = std::move(points);
   reference.points.shrink_to_fit();
   reference.last_seen = ++calls_;
@@ -160,6 +177,7 @@ bool ReferenceMap::chapter_empty() const {
 }
 
 bool ReferenceMap::InView(const Reference& reference, const Rigid3& T_event_ref) const {
+  if (reference.guessed) return true;  // its points may have moved out of the sphere
   const Eigen::Vector3d center = T_event_ref * reference.center_ref.cast<double>();
   const double radius = reference.radius_m;
   if (center.z() < -radius) return false;
@@ -282,17 +300,20 @@ void ReferenceMap::Observe(const Surface& surface, const std::vector<Visible>& v
 }
 
 void ReferenceMap::DropUnproven() {
-  if (!options_.ideas.drop_points) return;
   for (Reference& reference : references_) {
-    if (reference.last_seen > dropped_at_) Prune(&reference);
+    if (reference.guessed || reference.last_seen > dropped_at_) Prune(&reference);
   }
+  const auto given_up = [](const Reference& reference) { return reference.guessed && reference.points.empty(); };
+  references_.erase(std::remove_if(references_.begin(), references_.end(), given_up), references_.end());
   dropped_at_ = calls_;
 }
 
 void ReferenceMap::Prune(Reference* reference) {
-  const auto refuted = [reference](std::size_t i) {
+  const bool judge = options_.ideas.drop_points;
+  const auto refuted = [reference, judge](std::size_t i) {
     const Evidence& evidence = reference->evidence[i];
-    return evidence.expected > kJudgeAfter && evidence.met < kMinSupport * evidence.expected;
+    return evidence.given_up ||
+           (judge && evidence.expected > kJudgeAfter && evidence.met < kMinSupport * evidence.expected);
   };
   std::size_t kept = 0;
   while (kept < reference->points.size() && !refuted(kept)) ++kept;
@@ -368,6 +389,7 @@ std::vector<MapPoint> ReferenceMap::AllPoints() const {
   std::vector<MapPoint> all;
   for (const Reference& reference : references_) {
     for (std::size_t i = 0; i < reference.points.size(); ++i) {
+      if (SigmaDepthShare(reference.evidence[i].covariance) > kUnknownDepthShare) continue;
       all.push_back(PointOf(reference, i, reference.T_world_ref));
     }
   }

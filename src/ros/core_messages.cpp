@@ -17,7 +17,7 @@ using ros::serialization::OStream;
 
 // ROS's wire format is little-endian and packed, as these structs are in memory: arrays of them go in one copy.
 static_assert(sizeof(EdgePoint) == 6 * 4, "EdgePoint must have the layout of SurfaceEdge.msg");
-static_assert(sizeof(MapPoint) == 9 * 4, "MapPoint must have the layout of SemiDensePoint.msg");
+static_assert(sizeof(MapPoint) == 12 * 4, "MapPoint must have the layout of SemiDensePoint.msg");
 
 template <typename Stream>
 void WriteBytes(Stream& stream, const void* data, std::size_t bytes) {

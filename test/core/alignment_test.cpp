@@ -302,6 +302,27 @@ TEST(Alignment, WeighsAnEdgeThatMovesAlongItselfATenthUnlessThatIsSwitchedOff) {
   EXPECT_NEAR(information(off) / information(OdometryOptions()), 10, 0.01);
 }
 
+TEST(Alignment, WeighsAPointOfGuessedDepthByHowFarThatMayPlaceItAcrossItsEdge) {
+  std::vector<MapPoint> upright;
+  AddSegment({119.5, 60}, {119.5, 120}, 2, &upright);
+  // From the view that made them the depth does not show, from 5 cm aside a centimetre of it does.
+  const auto weight = [&upright](const Rigid3& T_event_ref, float sigma_m) {
+    std::vector<MapPoint> guessed = upright;
+    for (MapPoint& point : guessed) point.sigma_depth_ref = sigma_m * point.p_ref / point.p_ref.z();
+    const auto information = [&](const std::vector<MapPoint>& points) {
+      return Align(points, Seen(points, T_event_ref), TestCamera(), WeakPrior(T_event_ref), Vector6d::Unit(0), {})
+          .information.trace();
+    };
+    return information(guessed) / information(upright);
+  };
+  const Rigid3 aside = Rigid3::Translation({0.05, 0, 0});
+  EXPECT_NEAR(weight(Rigid3(), 1), 1, 1e-3);
+  const double by_centimetre_px = TestCamera().fx() * 0.05 * 0.01 / (2 * 2);
+  EXPECT_NEAR(weight(aside, 0.01F), 1 / (1 + std::pow(by_centimetre_px / 0.15, 2)), 0.01);
+  EXPECT_LT(weight(aside, 0.5F), 0.02);
+  EXPECT_NEAR(weight(aside, 0), 1, 1e-6);
+}
+
 TEST(Alignment, ChargesForPointsWithoutAnEdgeUnlessThatIsSwitchedOff) {
   const Surface surface = Seen({}, Rigid3());
   const auto cost = [&](const OdometryOptions& options) {

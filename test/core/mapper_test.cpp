@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/mapper.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -168,6 +169,72 @@ TEST(Mapper, AddsOnlyTheUnexplainedEdgesAsANewReference) {
   EXPECT_EQ(mapper.counters().references, 2U);
   EXPECT_THAT(mapper.GlobalMap(), SizeIs(600));
   EXPECT_THAT(map->points, SizeIs(600));
+}
+
+/// Of the wall, the columns from here on have no reading.
+DepthImage WallUpTo(std::int64_t t_ns, int column) {
+  DepthImage wall = Wall(t_ns);
+  wall.depth_m.colRange(column, wall.depth_m.cols).setTo(0);
+  return wall;
+}
+
+std::vector<EdgePoint> EdgesOnBothSides() {
+  std::vector<EdgePoint> edges = Edges(400, 16);
+  const auto beside = Edges(200, 106);
+  edges.insert(edges.end(), beside.begin(), beside.end());
+  return edges;
+}
+
+std::size_t CountGuessed(const std::vector<MapPoint>& points) {
+  return static_cast<std::size_t>(std::count_if(points.begin(), points.end(),
+                                                [](const MapPoint& point) { return !point.sigma_depth_ref.isZero(); }));
+}
+
+TEST(Mapper, GuessesTheDepthOfEdgesBesideTheMapAndTheDepthImageUntilOneReadsItUnlessThatIsSwitchedOff) {
+  for (const bool guess : {true, false}) {
+    OdometryOptions options;
+    options.mapping.ideas.guess_depth = guess;
+    Mapper mapper = WithFirstReference(options);
+    mapper.AddSurface(SurfaceAt(200 * kMs, EdgesOnBothSides()));
+    mapper.AddPose(PoseAt(200 * kMs));
+    mapper.AddDepth(WallUpTo(200 * kMs, 90));
+    const auto map = mapper.Update();
+    ASSERT_EQ(map != nullptr, guess);
+    EXPECT_THAT(mapper.GlobalMap(), SizeIs(400));
+    if (!guess) continue;
+    EXPECT_THAT(map->points, SizeIs(600));
+    EXPECT_EQ(CountGuessed(map->points), 200U);
+    for (const MapPoint& point : map->points) EXPECT_NEAR(point.p_ref.z(), 2, 1e-3);
+    mapper.AddSurface(SurfaceAt(300 * kMs, EdgesOnBothSides()));
+    mapper.AddPose(PoseAt(300 * kMs));
+    mapper.AddDepth(Wall(300 * kMs));
+    const auto read = mapper.Update();
+    ASSERT_TRUE(read);
+    EXPECT_THAT(read->points, SizeIs(600));
+    EXPECT_EQ(CountGuessed(read->points), 0U);
+    EXPECT_THAT(mapper.GlobalMap(), SizeIs(600));
+  }
+}
+
+TEST(Mapper, GuessesNothingFromAPoseThatIsNotSure) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(200 * kMs, EdgesOnBothSides()));
+  PoseEstimate pose = PoseAt(200 * kMs);
+  pose.state = TrackingState::kDegraded;
+  mapper.AddPose(pose);
+  mapper.AddDepth(WallUpTo(200 * kMs, 90));
+  EXPECT_FALSE(mapper.Update());
+}
+
+TEST(Mapper, MeasuresEdgesBesideTheMapWithTheLastDepthImageWhereNoOtherComes) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(200 * kMs, EdgesOnBothSides()));
+  mapper.AddPose(PoseAt(200 * kMs, Rigid3::Translation({0, 0, 0.5})));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(CountGuessed(map->points), 0U);
+  EXPECT_THAT(mapper.GlobalMap(), SizeIs(600));
+  for (const MapPoint& point : mapper.GlobalMap()) EXPECT_NEAR(point.p_ref.z(), 2, 1e-2);
 }
 
 TEST(Mapper, WithoutReuseKeepsOnlyTheNewestReference) {

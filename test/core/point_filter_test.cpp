@@ -50,6 +50,24 @@ TEST(PointFilter, FindsPositionAndDepthOfAPointFromViewsOnBothSides) {
   EXPECT_LT(SigmaAcross(covariance), 0.1F);
 }
 
+TEST(PointFilter, FindsADepthThatIsMerelyGuessed) {
+  const Eigen::Vector3f truth(0.1F, 0.2F, 2);
+  std::mt19937 random(1);
+  std::normal_distribution<float> noise(0, 0.3F);
+  for (const float times : {0.4F, 0.8F, 1.6F, 3.0F}) {
+    MapPoint point = PointAt(times * truth);
+    PointCovariance covariance = CovarianceOfGuessedPoint();
+    EXPECT_GE(SigmaDepthShare(covariance), 0.5F);
+    for (int k = 1; k <= 60; ++k) {
+      const Rigid3 T_event_ref(Eigen::Quaterniond::Identity(), {0.01 * k, 0, 0});
+      RefinePoint(Sight(point, truth, T_event_ref, noise(random)), TestCamera(), &point, &covariance);
+      ASSERT_GT(point.p_ref.z(), 0);
+    }
+    EXPECT_NEAR(point.p_ref.z(), 2, 0.02) << times;
+    EXPECT_LT(SigmaDepthShare(covariance), 0.02F) << times;
+  }
+}
+
 TEST(PointFilter, LeavesTheDepthAloneWhereTheViewIsTheSame) {
   const Eigen::Vector3f truth(0, 0, 2);
   MapPoint point = PointAt({0.002F, 0, 2});

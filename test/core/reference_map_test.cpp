@@ -264,6 +264,50 @@ TEST(ReferenceMap, GivesSelectedPointsInTheFrameOfTheViewAndAllPointsInWorld) {
   EXPECT_LT((T_world_view * selected[0].p_ref.cast<double>() - in_world).norm(), 1e-5);
 }
 
+TEST(ReferenceMap, SaysOfAGuessedDepthHowFarItMayBeOffAndKeepsItOutOfTheGlobalMapUntilViewsHaveFoundIt) {
+  ReferenceMap map = MapOf({PointAt(40, 40, 2)});
+  const double truth_m = 2;
+  map.AddGuessed(2, Rigid3(), {PointAt(100, 60, 3)});
+  const auto guessed = [&map](const Rigid3& T_world_event) {
+    for (const MapPoint& point : map.Select(map.Project(T_world_event, nullptr), Rigid3())) {
+      if (!point.sigma_depth_ref.isZero()) return point;
+    }
+    return MapPoint();
+  };
+  EXPECT_GT(guessed(Rigid3()).sigma_depth_ref.norm(), 1);
+  EXPECT_LT(guessed(Rigid3()).sigma_depth_ref.cross(guessed(Rigid3()).p_ref).norm(), 1e-5) << "along its ray";
+  EXPECT_THAT(map.AllPoints(), SizeIs(1));
+  for (int k = 1; k <= 40; ++k) {
+    const Rigid3 T_world_event = Rigid3::Translation({0.01 * k, 0, 0});
+    const auto at = *TestCamera().Project(T_world_event.inverse() * PointAt(100, 60, truth_m).p_ref.cast<double>());
+    const auto known = *TestCamera().Project(T_world_event.inverse() * PointAt(40, 40, 2).p_ref.cast<double>());
+    map.Observe(SurfaceWith({at.cast<float>(), known.cast<float>()}), map.Project(T_world_event, nullptr),
+                {T_world_event, Sideways(), 0, true});
+  }
+  EXPECT_NEAR(guessed(Rigid3()).p_ref.z(), truth_m, 0.04);
+  EXPECT_LT(guessed(Rigid3()).sigma_depth_ref.norm(), 0.1);
+  EXPECT_THAT(map.AllPoints(), SizeIs(2));
+}
+
+TEST(ReferenceMap, GivesUpPointsOfGuessedDepthOnlyWhereOthersStandForThem) {
+  MappingIdeas ideas;
+  ideas.drop_points = false;  // which is another reason
+  ReferenceMap map = MapOf({PointAt(40, 40, 2)}, 2000, ideas);
+  map.AddGuessed(2, Rigid3(), {PointAt(60, 60, 3), PointAt(100, 60, 3)});
+  auto visible = map.Project(Rigid3(), nullptr);
+  map.LeaveGuessed([](const ReferenceMap::Visible& point) { return point.u < 80; }, &visible);
+  EXPECT_THAT(visible, SizeIs(2));
+  map.Observe(SurfaceWith({}), visible, {Rigid3(), Sideways(), 0, false});
+  map.DropUnproven();
+  EXPECT_THAT(map.Project(Rigid3(), nullptr), SizeIs(2));
+  visible = map.Project(Rigid3(), nullptr);
+  map.LeaveGuessed([](const ReferenceMap::Visible&) { return true; }, &visible);
+  EXPECT_THAT(visible, SizeIs(1));
+  map.Observe(SurfaceWith({}), visible, {Rigid3(), Sideways(), 0, false});
+  map.DropUnproven();
+  EXPECT_THAT(map.references(), SizeIs(1)) << "nothing is left of the other";
+}
+
 TEST(ReferenceMap, SeesOnlyTheReferencesOfItsChapterAndKeepsTheOthers) {
   ReferenceMap map = MapOf({PointAt(50, 40, 2)});
   map.BeginChapter();

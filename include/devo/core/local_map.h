@@ -18,7 +18,9 @@ struct MapPoint {
                                                          ///< plane of the view that made the point; 0: unknown
   float sign = 0;                                        ///< +1: brighter along normal_ref, -1: darker, 0 unknown
   float sigma_px = 0;  ///< standard deviation across the edge, px in the view that made it
-  int reference = 0;   ///< id of the reference that made the point
+  /// Standard deviation of the depth in that view, as a way along its ray, metres; 0: the depth was measured.
+  Eigen::Vector3f sigma_depth_ref = Eigen::Vector3f::Zero();
+  int reference = 0;  ///< id of the reference that made the point
 };
 
 /// What tracking registers to: points of all references that are in view from one pose, the frame `ref`.

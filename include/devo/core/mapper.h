@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "devo/core/camera.h"
+#include "devo/core/depth_guess.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_keyframes.h"
 #include "devo/core/depth_of_rest.h"
@@ -99,8 +100,20 @@ class Mapper {
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   /// The map's points in a surface: which ones meet edges, and where. Returns those that are visible.
   std::vector<ReferenceMap::Visible> Observe(const Surface& surface, const Rigid3& T_world_event);
-  /// The newest surface, where depth images come too seldom for the map to be observed with them alone.
-  void ObserveBetweenDepths();
+  /// The newest surface, where depth images come too seldom for the map to be observed with them alone. Returns whether
+  /// the map grew.
+  bool ObserveBetweenDepths();
+  /// Edges where the map has no points, if they are enough to hold the pose, and it is known well enough to add them.
+  std::vector<const EdgePoint*> EdgesBesideTheMap(const Surface& surface, const DepthGuess& guess) const;
+  /// Those of which the last depth image, seen from here, tells the depth become points of the map. Returns whether
+  /// they did.
+  bool MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
+                           const std::vector<ReferenceMap::Visible>& visible);
+  /// Those of which it has no reading (it must have been warped to here) become points of a guessed depth. Returns
+  /// whether they did.
+  bool GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
+                         const std::vector<ReferenceMap::Visible>& visible);
+  bool ReadsDepthAt(float x, float y) const;  // of the image that was warped last
   bool MovedSinceReference(const Rigid3& T_world_event) const;
   double MedianDepth() const;  // m; a guess before it is known
   bool ViewMoved() const;
@@ -127,6 +140,7 @@ class Mapper {
   std::int64_t event_delay_ns_ = 0;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
   Matrix6d covariance_ = Matrix6d::Zero();  // of the newest pose
+  bool sure_ = false;                       // of the newest pose: the map may grow from it where nothing was measured
   bool trackable_ = false, begin_chapter_ = false;
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
@@ -136,6 +150,7 @@ class Mapper {
   int local_maps_ = 0;
   SceneDepth scene_depth_;
   Match last_match_;
+  Rigid3 T_world_depth_;  // of its depth image
   std::uint64_t epoch_ = 0;
   Counters counters_;
 };

@@ -28,6 +28,7 @@ struct MappingIdeas {
   bool drop_points = true;
   bool refine_points = true;
   bool spread_points = true;
+  bool guess_depth = true;
   bool depth_jumps = true;
 };
 
@@ -130,6 +131,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points move towards the edges that they meet in other views; false: they stay as they were first seen");
   visit("ablation.spread_points", mapping.spread_points,
         "tracked points are spread over the image; false: drawn from all of it alike");
+  visit("ablation.guess_depth", mapping.guess_depth,
+        "edges where neither map nor depth is get one from around them, which further views correct; false: none");
   visit("ablation.depth_jumps", mapping.depth_jumps,
         "a depth camera that begins to see otherwise is followed from there; false: it is believed as before");
   auto& tracking = o.tracking.ideas;

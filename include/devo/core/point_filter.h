@@ -2,7 +2,8 @@
 //
 // How the position of a map point gets better with each view that sees its edge: a Kalman filter for each point (a
 // depth filter, as in Forster et al., "SVO", T-RO 2017, section V), of the two things that the view that made it left
-// uncertain. Along the edge nothing is ever measured, nor needed.
+// uncertain. Along the edge nothing is ever measured, nor needed. Depth is kept as its inverse, in which the error of a
+// guess is as likely to either side (Civera et al., "Inverse depth parametrization for monocular SLAM", T-RO 2008).
 #pragma once
 
 #include <Eigen/Core>
@@ -12,18 +13,22 @@
 
 namespace devo {
 
-/// Of a point's position across its edge, px in the view that made it, and of its depth there, as a share.
+/// Of a point's position across its edge, px in the view that made it, and of its inverse depth there, as a share.
 struct PointCovariance {
   float across;
   float across_depth;
   float depth;
 };
 
-/// Of a point that was seen by one view.
+/// Of a point that was seen by one view, with a depth that was measured, or guessed.
 PointCovariance CovarianceOfNewPoint();
+PointCovariance CovarianceOfGuessedPoint();
 
 /// Standard deviation across the edge, px.
 float SigmaAcross(const PointCovariance& covariance);
+
+/// Standard deviation of the inverse depth, as a share of it.
+float SigmaDepthShare(const PointCovariance& covariance);
 
 /// An edge that a point met in another view.
 struct PointSighting {

@@ -31,9 +31,8 @@ struct PoseEstimate {
   /// Of the first pose in a map, or of one that was found anew: where the edges were since then, the map's own time
   /// first. In place of all poses before, which this one does not follow from; else empty.
   std::vector<PoseHistory::Stamped> earlier;
-  Vector6d velocity_event =
-      Vector6d::Zero();            ///< [v; omega], m/s and rad/s, of and in the event frame; mean of the last 40 ms
-  bool velocity_of_poses = false;  ///< it is known from poses alone: no inertial sensor knows better
+  Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame
+  bool velocity_of_poses = false;              ///< it is known from poses alone: no inertial sensor knows better
   /// Change of that velocity, m/s^2 and rad/s^2; zero where no inertial sensor tells.
   Vector6d acceleration_event = Vector6d::Zero();
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame

@@ -4,6 +4,7 @@
 // what the older ones do not explain, so a space once seen keeps its first map and does not drift.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -59,12 +60,28 @@ class ReferenceMap {
   /// moves it a little towards the edge that it met.
   void Observe(const Surface& surface, const std::vector<Visible>& visible, const Moment& moment);
 
-  /// Drops points that almost never met an edge (noise, moving things, wrong depth).
+  /// Drops points that almost never met an edge (noise, moving things, wrong depth), and what was given up.
   void DropUnproven();
 
   /// Adds a reference with `points` in its own frame. Returns its id. Beyond max_map_points, references that were out
   /// of view for longest are forgotten.
   int Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points);
+
+  /// The same with points whose depth is guessed (what is around them, not what was measured).
+  int AddGuessed(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points);
+
+  /// Gives up the points of guessed depth for which `is_known(point)`, now that others can stand for them: takes them
+  /// out of `visible`, and out of the map with the next DropUnproven.
+  template <typename IsKnown>
+  void LeaveGuessed(const IsKnown& is_known, std::vector<Visible>* visible) {
+    const auto leave = [&](const Visible& point) {
+      Reference& reference = references_[point.reference];
+      if (!reference.guessed || !is_known(point)) return false;
+      reference.evidence[point.point].given_up = true;
+      return true;
+    };
+    visible->erase(std::remove_if(visible->begin(), visible->end(), leave), visible->end());
+  }
 
   /// At most max_points of the visible points, spread over the image, in the frame `ref` of a view at
   /// `T_world_ref`; of several in one place, those that proved themselves.
@@ -77,12 +94,13 @@ class ReferenceMap {
   int chapter() const { return chapter_; }
   bool chapter_empty() const;
 
-  /// All points, frame `world`.
+  /// All points, frame `world`, without those whose depth is a mere guess yet.
   std::vector<MapPoint> AllPoints() const;
 
   /// What the views of a point said of it.
   struct Evidence {
     float expected = 0, met = 0;  // how often it should have met an edge, and did
+    bool given_up = false;
     PointCovariance covariance = CovarianceOfNewPoint();
   };
   struct Reference {
@@ -94,6 +112,7 @@ class ReferenceMap {
     Eigen::Vector3f center_ref;      // sphere around the points
     float radius_m;
     int chapter;
+    bool guessed;             // the depths of its points
     std::uint64_t last_seen;  // in which call of Observe or Add
   };
   const std::vector<Reference>& references() const { return references_; }
@@ -104,6 +123,7 @@ class ReferenceMap {
   }
 
  private:
+  int Add(std::int64_t t_ns, const Rigid3& T_world_ref, std::vector<MapPoint> points, bool guessed);
   bool InView(const Reference& reference, const Rigid3& T_event_ref) const;
   void Prune(Reference* reference);
   void ForgetBeyondBudget();

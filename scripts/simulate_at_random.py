@@ -1,0 +1,79 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Simulates recordings that no parameter was chosen by: scene, speed, light, cameras, rests and errors are drawn anew for
+each seed. Names say what was drawn; the same seed draws the same.
+
+    scripts/simulate_at_random.py DIR --count 28 --seed 20261125    (15 min on two cores; what is there is kept)
+    scripts/evaluate_recordings.py --data DIR --recordings DIR/random.txt --depth-rate all 5 1
+
+The second takes the table of recordings that the first writes.
+"""
+import argparse
+import os
+import random
+import subprocess
+import sys
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+EXAMPLE = os.path.join(ROOT, 'config/sim/example_scene.yaml')
+FIRST_SEED = 301  # of the recordings' own: those of the other sets are smaller
+
+
+def draw_recordings(count, seed):
+    """Pairs of a name and the arguments of devo_simulate."""
+    draw = random.Random(seed)
+    recordings = []
+    for own_seed in range(FIRST_SEED, FIRST_SEED + count):
+        scene = draw.choices(['cali', 'table', 'sofa', EXAMPLE, 'hall'], [3, 4, 4, 3, 1])[0]
+        speed = draw.choice(['slow', 'mid', 'fast'])
+        light = draw.choices(['bright', 'darkish', 'dim', 'dark', 'hdr'], [3, 2, 2, 2, 2])[0]
+        sensor = draw.choices(['gen3', 'davis346', 'davis240', 'gen4'], [5, 5, 3, .6])[0]
+        rest = draw.choice([0, .3, .3, 1.])
+        tags, arguments = [], ['--rest', str(rest)]
+        if draw.random() < .35:
+            begin, duration = round(draw.uniform(1.2, 2.2), 1), round(draw.uniform(.5, 1.5), 1)
+            tags.append('stop')
+            arguments += ['--stop', str(begin), str(duration)]
+        depth = draw.choices(['kinect', 'registered', 'exact'], [6, 1, 1])[0]
+        arguments += ['--depth', depth]
+        if depth == 'kinect' and draw.random() < .3:
+            tags.append('mp')
+            arguments += ['--multipath', '0.2']
+        if draw.random() < .3:
+            tags.append('off')
+            arguments += ['--depth-offset', str(draw.choice([.004, -.006, .01]))]
+        if depth != 'kinect':
+            tags.append(depth)
+        if rest == 0:
+            tags.append('rest0')
+        duration = draw.choice([4, 5, 6])
+        scene_name = 'example' if scene == EXAMPLE else scene
+        name = '_'.join([f'f{own_seed}', scene_name, speed, light, sensor] + tags)
+        recordings.append((name, ['--scene', scene, '--speed', speed, '--light', light, '--sensor', sensor, '--seed',
+                                  str(own_seed), '--duration', str(duration)] + arguments))
+    return recordings
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('directory')
+    parser.add_argument('--count', type=int, default=28)
+    parser.add_argument('--seed', type=int, default=20261125)
+    parser.add_argument('--devo-simulate', default=os.path.join(ROOT, 'devel/lib/devo/devo_simulate'))
+    args = parser.parse_args()
+    if not os.access(args.devo_simulate, os.X_OK):
+        sys.exit(f'{args.devo_simulate}: not there, expected the built simulator (scripts/build.sh)')
+    directory = os.path.abspath(args.directory)
+    os.makedirs(directory, exist_ok=True)
+    rows = []
+    for name, arguments in draw_recordings(args.count, args.seed):
+        path = os.path.join(directory, name)
+        if not os.path.exists(path + '.bag'):
+            subprocess.run([args.devo_simulate, '--out', path, '--quiet', '--no-frames'] + arguments, check=True)
+        rows.append(f'{name} {path}.yaml {name}.bag\n')
+        with open(os.path.join(directory, 'random.txt'), 'w') as table:
+            table.writelines(rows)
+
+
+if __name__ == '__main__':
+    main()

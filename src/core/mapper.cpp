@@ -308,6 +308,7 @@ bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_e
   const auto beside = EdgesBesideTheMap(surface, DepthGuess(visible, camera_));
   if (beside.empty()) return false;
   std::vector<EdgePoint> edges;
+  edges.reserve(beside.size());
   for (const EdgePoint* edge : beside) edges.push_back(*edge);
   registration_.Warp(last_match_.depth, T_world_event.inverse() * T_world_depth_, edges);
   std::vector<MapPoint> points;

@@ -272,15 +272,11 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     return false;
   }
   auto visible = Observe(*surface, T_world_event);
-  map_.LeaveGuessed([this](const auto& point) { return ReadsDepthAt(point.u, point.v); }, &visible);
+  map_.LeaveGuessed([this](const auto& point) { return registration_.HasReadingAt(point.u, point.v); }, &visible);
   map_.DropUnproven();
   const bool added = AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
-  return GuessBesideTheMap(*surface, T_world_event, visible) || added;
-}
-
-bool Mapper::ReadsDepthAt(float x, float y) const {
-  constexpr int kCell = DepthRegistration::kCell;
-  return registration_.nearest_depth()(static_cast<int>(y) / kCell, static_cast<int>(x) / kCell) > 0;
+  DepthGuess guess(visible, camera_);
+  return GuessBesideTheMap(*surface, T_world_event, EdgesBesideTheMap(*surface, guess), &guess) || added;
 }
 
 std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const Rigid3& T_world_event) {
@@ -298,15 +294,15 @@ bool Mapper::ObserveBetweenDepths() {
   if (surface.still || SecondsFromNs(surface.t_edges_ns - observed_ns_) < kObserveEvery_s) return false;
   if (poses_.empty() || poses_.last_time_ns() != surface.t_edges_ns) return false;
   const Rigid3& T_world_event = poses_.last();
-  const auto visible = Observe(surface, T_world_event);
-  const bool measured = MeasureBesideTheMap(surface, T_world_event, visible);
-  return GuessBesideTheMap(surface, T_world_event, visible) || measured;
+  DepthGuess guess(Observe(surface, T_world_event), camera_);
+  const auto beside = EdgesBesideTheMap(surface, guess);
+  if (beside.empty()) return false;
+  const bool measured = MeasureBesideTheMap(surface, T_world_event, beside);
+  return GuessBesideTheMap(surface, T_world_event, beside, &guess) || measured;
 }
 
 bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
-                                 const std::vector<ReferenceMap::Visible>& visible) {
-  const auto beside = EdgesBesideTheMap(surface, DepthGuess(visible, camera_));
-  if (beside.empty()) return false;
+                                 const std::vector<const EdgePoint*>& beside) {
   std::vector<EdgePoint> edges;
   edges.reserve(beside.size());
   for (const EdgePoint* edge : beside) edges.push_back(*edge);
@@ -324,7 +320,7 @@ bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_e
 
 std::vector<const EdgePoint*> Mapper::EdgesBesideTheMap(const Surface& surface, const DepthGuess& guess) const {
   std::vector<const EdgePoint*> beside;
-  if (!options_.mapping.ideas.guess_depth || !sure_ || surface.still) return beside;
+  if (!options_.mapping.ideas.guess_depth || !sure_) return beside;
   for (const EdgePoint& edge : surface.edges) {
     if (camera_.Contains({edge.x, edge.y}, kMargin_px) && !guess.IsKnown(edge.x, edge.y)) beside.push_back(&edge);
   }
@@ -333,11 +329,11 @@ std::vector<const EdgePoint*> Mapper::EdgesBesideTheMap(const Surface& surface, 
 }
 
 bool Mapper::GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
-                               const std::vector<ReferenceMap::Visible>& visible) {
-  DepthGuess guess(visible, camera_);
+                               const std::vector<const EdgePoint*>& beside, DepthGuess* guess) {
   std::vector<MapPoint> points;
-  for (const EdgePoint* edge : EdgesBesideTheMap(surface, guess)) {
-    const float z_m = ReadsDepthAt(edge->x, edge->y) ? 0 : guess.At(edge->x, edge->y);
+  for (const EdgePoint* edge : beside) {
+    if (registration_.HasReadingAt(edge->x, edge->y)) continue;
+    const float z_m = guess->At(edge->x, edge->y);
     if (z_m > 0) points.push_back(MakePoint(*edge, z_m, surface.window_s));
   }
   if (points.size() < kMinPoints) return false;

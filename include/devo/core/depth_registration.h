@@ -56,6 +56,10 @@ class DepthRegistration {
   /// Nearest warped depth per cell of kCell x kCell pixels, 0 where none: what hides points behind it.
   const cv::Mat1f& nearest_depth() const { return cell_depth_; }
   static constexpr int kCell = 4;
+  /// Whether a reading of the last warped image lies in the cell of this pixel of the event image.
+  bool HasReadingAt(float x, float y) const {
+    return cell_depth_(static_cast<int>(y) / kCell, static_cast<int>(x) / kCell) > 0;
+  }
 
   /// Median and coarse grid of the last warped image; holes are filled with the median.
   SceneDepth MakeSceneDepth(std::int64_t t_ns) const;

@@ -108,12 +108,11 @@ class Mapper {
   /// Those of which the last depth image, seen from here, tells the depth become points of the map. Returns whether
   /// they did.
   bool MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
-                           const std::vector<ReferenceMap::Visible>& visible);
+                           const std::vector<const EdgePoint*>& beside);
   /// Those of which it has no reading (it must have been warped to here) become points of a guessed depth. Returns
   /// whether they did.
   bool GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
-                         const std::vector<ReferenceMap::Visible>& visible);
-  bool ReadsDepthAt(float x, float y) const;  // of the image that was warped last
+                         const std::vector<const EdgePoint*>& beside, DepthGuess* guess);
   bool MovedSinceReference(const Rigid3& T_world_event) const;
   double MedianDepth() const;  // m; a guess before it is known
   bool ViewMoved() const;

@@ -41,7 +41,7 @@ class MotionPast {
   /// of from now on, and `history` has their poses in place of those it had; earlier ones lie to `then` as before.
   MotionFilter Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history);
 
-  /// The filter now, had the standstill that goes on ended at `t_ns`, or before it began if that was later: from there
+  /// The filter now, had the standstill that goes on ended at `t_ns`, or been none if it began later: from there
   /// the inertial sensor leads it, and `history` too. Empty where nothing stands still, or the sensor has not read all
   /// of it.
   std::optional<MotionFilter> AgainInMotion(std::int64_t t_ns, const InertialBuffer& inertial, PoseHistory* history);

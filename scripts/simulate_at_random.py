@@ -4,9 +4,10 @@
 each seed. Names say what was drawn; the same seed draws the same.
 
     scripts/simulate_at_random.py DIR --count 28 --seed 20261125    (15 min on two cores; what is there is kept)
+    scripts/simulate_at_random.py DIR2 --count 28 --seed 20261126 --first-seed 401
     scripts/evaluate_recordings.py --data DIR --recordings DIR/random.txt --depth-rate all 5 1
 
-The second takes the table of recordings that the first writes.
+The last takes the table of recordings that the first writes.
 """
 import argparse
 import os
@@ -16,14 +17,14 @@ import sys
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 EXAMPLE = os.path.join(ROOT, 'config/sim/example_scene.yaml')
-FIRST_SEED = 301  # of the recordings' own: those of the other sets are smaller
+RAMP_S = .4  # in which devo_simulate brakes and speeds up: before it stops it must be at speed
 
 
-def draw_recordings(count, seed):
+def draw_recordings(count, seed, first_seed):
     """Pairs of a name and the arguments of devo_simulate."""
     draw = random.Random(seed)
     recordings = []
-    for own_seed in range(FIRST_SEED, FIRST_SEED + count):
+    for own_seed in range(first_seed, first_seed + count):
         scene = draw.choices(['cali', 'table', 'sofa', EXAMPLE, 'hall'], [3, 4, 4, 3, 1])[0]
         speed = draw.choice(['slow', 'mid', 'fast'])
         light = draw.choices(['bright', 'darkish', 'dim', 'dark', 'hdr'], [3, 2, 2, 2, 2])[0]
@@ -32,6 +33,7 @@ def draw_recordings(count, seed):
         tags, arguments = [], ['--rest', str(rest)]
         if draw.random() < .35:
             begin, duration = round(draw.uniform(1.2, 2.2), 1), round(draw.uniform(.5, 1.5), 1)
+            begin = max(begin, round(rest + 2 * RAMP_S, 1))
             tags.append('stop')
             arguments += ['--stop', str(begin), str(duration)]
         depth = draw.choices(['kinect', 'registered', 'exact'], [6, 1, 1])[0]
@@ -59,6 +61,7 @@ def main():
     parser.add_argument('directory')
     parser.add_argument('--count', type=int, default=28)
     parser.add_argument('--seed', type=int, default=20261125)
+    parser.add_argument('--first-seed', type=int, default=301, help="the recordings' own: those of the other sets are smaller")
     parser.add_argument('--devo-simulate', default=os.path.join(ROOT, 'devel/lib/devo/devo_simulate'))
     args = parser.parse_args()
     if not os.access(args.devo_simulate, os.X_OK):
@@ -66,7 +69,7 @@ def main():
     directory = os.path.abspath(args.directory)
     os.makedirs(directory, exist_ok=True)
     rows = []
-    for name, arguments in draw_recordings(args.count, args.seed):
+    for name, arguments in draw_recordings(args.count, args.seed, args.first_seed):
         path = os.path.join(directory, name)
         if not os.path.exists(path + '.bag'):
             subprocess.run([args.devo_simulate, '--out', path, '--quiet', '--no-frames'] + arguments, check=True)

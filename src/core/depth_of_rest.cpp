@@ -24,11 +24,11 @@ void DepthOfRest::Keep(const DepthImage& depth, const Surface& surface) {
   events_ = 0;
 }
 
-bool DepthOfRest::Fits(const Surface& surface, double still_activity_hz) {
+bool DepthOfRest::Fits(const Surface& surface) {
   if (!depth_ || surface.t_ns <= counted_ns_) return false;
   const double span_s = SecondsFromNs(surface.t_ns - counted_ns_);
   counted_ns_ = surface.t_ns;
-  if (surface.activity_hz < still_activity_hz) {
+  if (surface.maybe_noise) {
     events_ = 0;
     return false;
   }

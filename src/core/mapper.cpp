@@ -169,7 +169,7 @@ bool Mapper::UpdateFromDepth() {
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
-      if (map_.empty() && surface->still) depth_of_rest_.Keep(depth, *surface);
+      if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
       changed |= Process(depth, surface, T_moved_world, &counters_);
     }
     depths_.pop_front();
@@ -196,7 +196,7 @@ Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
 bool Mapper::BeginFromRest() {
   if (!options_.mapping.ideas.depth_of_rest) return false;
   for (const SurfacePtr& surface : surfaces_) {
-    if (!depth_of_rest_.Fits(*surface, options_.surface.still_activity_hz)) continue;
+    if (!depth_of_rest_.Fits(*surface)) continue;
     Counters again;  // the image was counted when it came
     if (Process(*depth_of_rest_.depth(), surface, Rigid3(), &again)) return true;
   }
@@ -259,7 +259,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
   } else {
     occluder_.reset();
   }
-  if (surface->still) return false;
+  if (surface->still || (map_.empty() && surface->maybe_noise)) return false;
   if (begin_chapter_) return BeginChapter(*surface, T_world_event);
   if (!map_.empty() && !trackable_) return false;
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "devo/core/time.h"
@@ -26,6 +27,13 @@ constexpr std::uint32_t kHotMinCount = 8;
 constexpr int kBlock = 16;
 constexpr double kQuietShare = 0.1;    // of the blocks is taken to show nothing but noise
 constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQuietShare
+// Noise depends on the light, and so differs between parts of the image. A block shows nothing else where it passes as
+// often as chance lets its own rate pass, times this and plus so many deviations: edges pass far more often. Where
+// chance alone lets more than a share pass, the two look alike; nor is any noise beyond so many times the quietest's.
+constexpr double kBeyondChance = 1.3, kBeyondSigmas = 2, kMostByChance = 0.4;
+constexpr double kMostTimesQuietest = 10, kLeastQuietest_hz = 0.1;
+constexpr double kKnownShare = 0.25;  // of the blocks tells of all
+constexpr double kMostTold_hz = 8;    // of all events per pixel: beyond, there is motion, and looking costs
 // Passing noise of this rate is a third of the least activity of a motion.
 constexpr double kTolerableNoise_hz = 0.05;
 // Passing noise of this rate is still little among the events of edges; lower ones cost more of the edges' own.
@@ -229,6 +237,9 @@ NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbo
   while (window_us_ >> tick_shift_ >= kLongAgo_ticks) ++tick_shift_;
   // Blocks cut by the border hold fewer pixels and would pass for quiet: they are not looked at.
   block_counts_.resize(static_cast<std::size_t>(width_ / kBlock) * (height_ / kBlock));
+  noise_rates_hz_.reserve(block_counts_.size());
+  ranked_counts_.reserve(block_counts_.size());
+  passed_counts_.resize(static_cast<std::size_t>(width_ / kBlock + 1) * (height_ / kBlock + 1));
   Reset();
 }
 
@@ -243,6 +254,8 @@ void NoiseFilter::Reset() {
   // Neighbours are read four at a time: one more than there are at the end.
   pixels_.assign(static_cast<std::size_t>(stride_) * (height_ + 2) + 1, kTickMask & -kLongAgo_ticks);
   noise_hz_ = 0;
+  noise_rates_hz_.clear();
+  ForgetPassed();
   on_share_ = 0.5;
   const auto areas = [](int side) {
     return static_cast<std::size_t>(std::max(side - kFlickerSide, -kFlickerStep) / kFlickerStep + 1);
@@ -273,7 +286,9 @@ std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
             : std::partition_point(next, events.end(), [&](const Event& e) { return e.t_ns < end_ns; });
     const EventSpan piece(next, static_cast<std::size_t>(until - next));
     const auto position = static_cast<std::uint32_t>(next - events.begin());
-    count += PassPiece(piece, position, passed + count);
+    const std::size_t of_piece = PassPiece(piece, position, passed + count);
+    CountPassed(piece.size, events.begin(), passed + count, of_piece);
+    count += of_piece;
     next = until;
   }
   return count;
@@ -293,15 +308,47 @@ std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std
   return Judge(judged, OldNeighbours(age), events, position, passed);
 }
 
-double NoiseFilter::passing_noise_hz() const {
+void NoiseFilter::CountPassed(std::size_t judged, const Event* events, const std::uint32_t* passed, std::size_t count) {
+  judged_ += judged;
+  if (!CountsAll()) return;
+  const int columns = width_ / kBlock + 1;
+  for (std::size_t k = 0; k < count; ++k) {
+    const Event& event = events[passed[k]];
+    ++passed_counts_[static_cast<std::size_t>(event.y / kBlock) * columns + event.x / kBlock];
+  }
+}
+
+bool NoiseFilter::CountsAll() const {
+  return static_cast<double>(judged_) <= kMostTold_hz * SecondsFromNs(kPeriod_ns) * width_ * height_;
+}
+
+void NoiseFilter::ForgetPassed() {
+  judged_ = 0;
+  std::fill(passed_counts_.begin(), passed_counts_.end(), 0);
+}
+
+double NoiseFilter::PassingHz(double noise_hz) const {
   const auto passing_hz = [this](double rate_hz) {
     return rate_hz * ChanceOfNeighbours(needed_neighbours_, rate_hz, needed_window_us_);
   };
-  if (!needs_same_polarity_) return passing_hz(noise_hz_);
-  return passing_hz(on_share_ * noise_hz_) + passing_hz((1 - on_share_) * noise_hz_);
+  if (!needs_same_polarity_) return passing_hz(noise_hz);
+  return passing_hz(on_share_ * noise_hz) + passing_hz((1 - on_share_) * noise_hz);
+}
+
+double NoiseFilter::MeanPassingHz() const {
+  const auto blocks = static_cast<double>(noise_rates_hz_.size());
+  if (blocks < kKnownShare * static_cast<double>(block_counts_.size())) return passing_noise_hz();
+  return std::accumulate(noise_rates_hz_.begin(), noise_rates_hz_.end(), 0.0,
+                         [this](double sum_hz, double rate_hz) { return sum_hz + PassingHz(rate_hz); }) /
+         blocks;
 }
 
 void NoiseFilter::SetNeeded() {
+  ChooseNeeded();
+  mean_passing_noise_hz_ = MeanPassingHz();
+}
+
+void NoiseFilter::ChooseNeeded() {
   needed_window_us_ = window_us_;
   needs_same_polarity_ = false;
   needed_neighbours_ = min_neighbours_;
@@ -322,6 +369,7 @@ void NoiseFilter::Update(std::int64_t t_ns) {
   // After a gap it is the events before it that were counted.
   const double span_s = SecondsFromNs(next_update_ns_ - counted_since_ns_);
   UpdateNoise(span_s);
+  FindNoise(span_s);
   FindFlicker(span_s, TicksAt(t_ns));
   UpdateShareOfOn(TicksAt(t_ns));
   SetNeeded();
@@ -332,6 +380,7 @@ void NoiseFilter::Update(std::int64_t t_ns) {
     return;
   }
   UpdateHotPixels();
+  ForgetPassed();
   counted_since_ns_ = t_ns;
   next_update_ns_ = t_ns + kPeriod_ns;
 }
@@ -344,18 +393,33 @@ void NoiseFilter::UpdateNoise(double span_s) {
     std::uint32_t* blocks = block_counts_.data() + static_cast<std::size_t>(y / kBlock) * columns;
     for (int column = 0; column < columns; ++column, row += kBlock) {
       std::uint32_t sum = 0;
-      for (int x = 0; x < kBlock; ++x) sum += CountOf(row[x]);
+      for (int x = 0; x < kBlock; ++x) sum += row[x] & kHotBit ? 0 : CountOf(row[x]);  // hot ones never pass
       blocks[column] += sum;
     }
   }
   double count = 0;
   if (!block_counts_.empty()) {
-    const auto quiet = block_counts_.begin() + static_cast<std::ptrdiff_t>(kQuietShare * block_counts_.size());
-    std::nth_element(block_counts_.begin(), quiet, block_counts_.end());
+    ranked_counts_ = block_counts_;
+    const auto quiet = ranked_counts_.begin() + static_cast<std::ptrdiff_t>(kQuietShare * ranked_counts_.size());
+    std::nth_element(ranked_counts_.begin(), quiet, ranked_counts_.end());
     // The quantile of Poisson counts lies kQuietSigmas deviations below their mean.
     if (*quiet > 0) count = std::pow(0.5 * kQuietSigmas + std::sqrt(0.25 * kQuietSigmas * kQuietSigmas + *quiet), 2);
   }
   noise_hz_ = count / (kBlock * kBlock * span_s);
+}
+
+void NoiseFilter::FindNoise(double span_s) {
+  noise_rates_hz_.clear();
+  if (!CountsAll()) return;
+  const double pixel_seconds = kBlock * kBlock * span_s;
+  const double most_hz = kMostTimesQuietest * std::max(noise_hz_, kLeastQuietest_hz);
+  const std::size_t columns = width_ / kBlock;
+  for (std::size_t i = 0; i < block_counts_.size(); ++i) {
+    const double rate_hz = block_counts_[i] / pixel_seconds, by_chance = PassingHz(rate_hz) * pixel_seconds;
+    const double most = kBeyondChance * by_chance + kBeyondSigmas * std::sqrt(by_chance) + 1;
+    const bool tells = rate_hz <= most_hz && by_chance <= kMostByChance * block_counts_[i];
+    if (tells && passed_counts_[i / columns * (columns + 1) + i % columns] <= most) noise_rates_hz_.push_back(rate_hz);
+  }
 }
 
 void NoiseFilter::UpdateShareOfOn(std::int64_t ticks) {

@@ -296,10 +296,15 @@ void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   const double span_s = std::max(SecondsFromNs(b.t_ns - a.t_ns), 0.5 / options.rate_hz);
   surface->event_rate_hz = static_cast<double>(b.in - a.in) / span_s;
   surface->activity_hz = static_cast<double>(b.passed - a.passed) / span_s / (camera.width() * camera.height());
-  if (compensated) surface->activity_hz = std::max(0.0, surface->activity_hz - filter.passing_noise_hz());
+  double beyond_noise_hz = surface->activity_hz;
+  if (compensated) {
+    beyond_noise_hz -= filter.mean_passing_noise_hz();
+    surface->activity_hz = std::max(0.0, surface->activity_hz - filter.passing_noise_hz());
+  }
   // Noise that is not known yet would pass for motion, and a map be made of it; so would very dense noise of before.
   const bool known = b.knows_noise && (a.knows_noise || !filter.noise_is_very_dense());
   surface->still = surface->activity_hz < options.still_activity_hz || !known;
+  surface->maybe_noise = std::min(surface->activity_hz, beyond_noise_hz) < options.still_activity_hz;
 }
 
 std::uint64_t SurfaceBuilder::Impl::FirstKeptSince(std::int64_t oldest_ns) const {

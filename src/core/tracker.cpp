@@ -206,7 +206,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     epoch_ = surface.epoch;
   }
   if (!motion_.started()) {
-    rest_.NoteUntil(surface.t_ns, surface.activity_hz < options_.surface.still_activity_hz, inertial_);
+    rest_.NoteUntil(surface.t_ns, surface.maybe_noise, inertial_);
   }
   if (!map_ || map_->epoch != surface.epoch) return std::nullopt;
   if (!motion_.started()) {

@@ -139,6 +139,7 @@ void WriteMessage(Stream& stream, const Surface& surface) {
   stream.next(surface.window_s);
   stream.next(surface.events_used);
   stream.next(static_cast<std::uint8_t>(surface.still));
+  stream.next(static_cast<std::uint8_t>(surface.maybe_noise));
 }
 
 void ReadMessage(IStream& stream, Surface& surface) {
@@ -156,9 +157,11 @@ void ReadMessage(IStream& stream, Surface& surface) {
   stream.next(surface.activity_hz);
   stream.next(surface.window_s);
   stream.next(surface.events_used);
-  std::uint8_t still = 0;
+  std::uint8_t still = 0, maybe_noise = 0;
   stream.next(still);
+  stream.next(maybe_noise);
   surface.still = still != 0;
+  surface.maybe_noise = maybe_noise != 0;
 }
 
 template <typename Stream>

@@ -91,6 +91,18 @@ TEST(Mapper, WaitsWithTheFirstReferenceForEnoughPoints) {
   EXPECT_LT(Log(map->T_world_ref).norm(), 1e-12);
 }
 
+TEST(Mapper, BeginsWithNoSurfaceThatMayBeNoise) {
+  Mapper mapper(TestRig(), OdometryOptions());
+  auto noise = std::make_shared<Surface>(*SurfaceAt(100 * kMs, Edges(400, 16)));
+  noise->maybe_noise = true;
+  mapper.AddSurface(noise);
+  mapper.AddDepth(Wall(100 * kMs));
+  EXPECT_FALSE(mapper.Update());
+  mapper.AddSurface(SurfaceAt(130 * kMs, Edges(400, 16)));
+  mapper.AddDepth(Wall(130 * kMs));
+  EXPECT_TRUE(mapper.Update());
+}
+
 TEST(Mapper, PutsPointsWhereTheirEdgesAndDepthAre) {
   Mapper mapper = WithFirstReference();
   const auto points = mapper.GlobalMap();

@@ -187,6 +187,38 @@ TEST(NoiseFilter, KnowsHowMuchNoisePasses) {
   }
 }
 
+/// At 0.4 Hz per pixel, and 3 Hz more in the left half, which sees less light.
+std::vector<Event> NoiseThatDiffers(double seconds) {
+  auto events = Noise(0.4, seconds);
+  const auto darker = Noise(3, seconds, kSide / 2);
+  events.insert(events.end(), darker.begin(), darker.end());
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  return events;
+}
+
+TEST(NoiseFilter, KnowsHowMuchNoisePassesThatDiffersBetweenPartsOfTheImage) {
+  const double seconds = 2;
+  NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
+  const Split noise(NoiseThatDiffers(0.5 + seconds));
+  CountThatPass(noise.before, &filter);
+  const double measured_hz =
+      static_cast<double>(CountThatPass(noise.after, &filter)) / (kSide * kSide * (0.5 + seconds - kKnown_s));
+  EXPECT_NEAR(filter.mean_passing_noise_hz(), measured_hz, 0.15 * measured_hz);
+  EXPECT_LT(filter.passing_noise_hz(), 0.1 * measured_hz);  // of the quiet half
+}
+
+TEST(NoiseFilter, TakesNoMovingEdgeForNoise) {
+  auto events = NoiseThatDiffers(0.5);
+  NoiseFilter without_edge(kSide, kSide, 0.01, 1, 0), with_edge(kSide, kSide, 0.01, 1, 0);
+  CountThatPass(events, &without_edge);
+  for (int x = 0; x < kSide; ++x) {  // 500 px/s, vertical, from 0.2 s on
+    for (int y = 0; y < kSide; ++y) events.push_back(At((200 + 2 * x) * kMs + 1000 * y, x, y));
+  }
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  CountThatPass(events, &with_edge);
+  EXPECT_LT(with_edge.mean_passing_noise_hz(), 1.5 * without_edge.mean_passing_noise_hz());
+}
+
 TEST(NoiseFilter, WithoutNeededNeighboursLetsEverythingPass) {
   NoiseFilter filter(kSide, kSide, 0.005, 0, 0);
   EXPECT_EQ(ShareThatPasses(Noise(5, 0.5), &filter), 1);

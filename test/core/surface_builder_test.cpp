@@ -383,6 +383,29 @@ TEST(CompensatedSurface, DoesNotTakeALossOfEventsForAStandstill) {
   }
 }
 
+TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfTheImageUnlessAnEdgeMoves) {
+  for (const bool moves : {false, true}) {
+    SurfaceBuilder builder(TestCamera(), SurfaceOptions());
+    std::mt19937 random(3);
+    SurfacePtr surface;
+    for (int k = 1; k <= 60; ++k) {
+      std::vector<Event> events;
+      for (int i = 0; i < 300; ++i) {  // 3.8 Hz per pixel on a third of the image, 0.5 Hz elsewhere
+        const int x = static_cast<int>(random() % (i % 10 < 3 ? kWidth : kWidth / 3));
+        events.push_back(At((k - 1) * 10'000'000LL + i * 33'000, x, static_cast<int>(random() % kHeight)));
+      }
+      const int edge = k - 40;  // 200 px/s
+      for (int y = 0; moves && edge >= 0 && y < 2 * kHeight; ++y) {
+        events.push_back(At((k - 1) * 10'000'000LL + 9'900'000 + 10 * y, 2 * edge + y % 2, y / 2));
+      }
+      builder.Insert(events);
+      surface = builder.Render(k * 10'000'000, Vector6d::Zero(), {});
+    }
+    EXPECT_FALSE(surface->still) << moves;  // as much passes as a slow motion makes
+    EXPECT_EQ(surface->maybe_noise, !moves);
+  }
+}
+
 TEST(CompensatedSurface, DoesNotTakeTheNoiseOfARecordingsFirstMomentsForMotion) {
   SurfaceBuilder builder(TestCamera(), SurfaceOptions());
   std::mt19937 random(3);

@@ -44,7 +44,7 @@ Surface Still(std::int64_t t_ns, double activity_hz = 0.01) {
   surface.edges.clear();
   surface.nearest_edge.setTo(Surface::kNoEdge);
   surface.activity_hz = activity_hz;
-  surface.still = true;
+  surface.still = surface.maybe_noise = true;
   return surface;
 }
 
@@ -241,7 +241,7 @@ double ErrorAfterAStartInMotion(const OdometryOptions& options, bool dark) {
     }
     // After the map nothing matches: the pose is what was known of the motion.
     Surface surface = Still(t_ns);
-    surface.still = dark || k <= kRestEnds;
+    surface.still = surface.maybe_noise = dark || k <= kRestEnds;
     surface.activity_hz = surface.still ? 0.01 : 5;
     pose = tracker.Track(surface);
   }
@@ -344,7 +344,7 @@ TEST(Tracker, LeavesARestWithTheVelocityThatTheCameraReachedBeforeEventsShowedIt
     }
     // Nothing matches: the pose is what was known of the motion.
     Surface surface = Still(t_ns);
-    surface.still = k < kShows;
+    surface.still = surface.maybe_noise = k < kShows;
     surface.activity_hz = surface.still ? 0.01 : 5;
     const auto pose = tracker.Track(surface);
     ASSERT_TRUE(pose);
@@ -602,7 +602,7 @@ TEST(Tracker, SaysThatItIsLostWhenNothingMatchesAndStaysFinite) {
   std::optional<PoseEstimate> pose;
   for (int k = 1; k <= 60; ++k) {
     Surface nothing = Still(kNow_ns + k * kPeriod_ns, 5);
-    nothing.still = false;
+    nothing.still = nothing.maybe_noise = false;
     pose = tracker->Track(nothing);
     ASSERT_TRUE(pose);
     ASSERT_TRUE(pose->T_world_event.IsFinite() && pose->covariance_event.allFinite()) << k;

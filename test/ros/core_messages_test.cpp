@@ -41,7 +41,7 @@ Surface SomeSurface() {
   surface.activity_hz = 2.5;
   surface.window_s = 0.02;
   surface.events_used = 12345;
-  surface.still = true;
+  surface.still = surface.maybe_noise = true;
   return surface;
 }
 

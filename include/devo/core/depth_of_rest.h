@@ -20,9 +20,9 @@ class DepthOfRest {
   /// An image, and the surface of its time, which shows no motion: in place of the one before, which came earlier.
   void Keep(const DepthImage& depth, const Surface& surface);
 
-  /// Every surface since, in the order of their time; those not after the last one are passed over.
-  /// `still_activity_hz`: SurfaceOptions. Returns whether a map may be made of this surface and the image.
-  bool Fits(const Surface& surface, double still_activity_hz);
+  /// Every surface since, in the order of their time; those not after the last one are passed over. Returns whether a
+  /// map may be made of this surface and the image.
+  bool Fits(const Surface& surface);
 
   /// Empty before the first, where images come often, and once the camera has moved too far.
   const std::optional<DepthImage>& depth() const { return depth_; }

@@ -46,10 +46,21 @@ class NoiseFilter {
   /// Whether neighbours must have been of the same polarity, too; more of it passed before it was known.
   bool noise_is_very_dense() const { return needs_same_polarity_; }
 
-  /// Of these, how many per pixel and second pass.
-  double passing_noise_hz() const;
+  /// How many per pixel and second pass, were all of the image as quiet as these parts.
+  double passing_noise_hz() const { return PassingHz(noise_hz_); }
+
+  /// The same, noise being as it is in each part: where the light differs, so does noise, and of two parts with as many
+  /// events together as two that are alike more pass. While the camera moves, as passing_noise_hz.
+  double mean_passing_noise_hz() const { return mean_passing_noise_hz_; }
 
  private:
+  void CountPassed(std::size_t judged, const Event* events, const std::uint32_t* passed, std::size_t count);
+  bool CountsAll() const;
+  void ForgetPassed();
+  double PassingHz(double noise_hz) const;
+  double MeanPassingHz() const;
+  void FindNoise(double span_s);
+  void ChooseNeeded();
   std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
   std::int64_t TicksAt(std::int64_t t_ns) const;
   void Update(std::int64_t t_ns);
@@ -71,10 +82,15 @@ class NoiseFilter {
   std::vector<std::uint32_t> pixels_;
   std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
   std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
+  std::vector<std::uint32_t> ranked_counts_;
+  // The same of those that passed, and of blocks that the border cuts as well.
+  std::vector<std::uint32_t> passed_counts_;
+  std::uint64_t judged_ = 0;            // events since passed_counts_ began
+  std::vector<double> noise_rates_hz_;  // of the blocks that show nothing else, events per pixel and second
   std::vector<std::uint32_t> hot_, flickering_;
   // Per area of 16 x 16 pixels, every 8: whether it looked like flicker in the last period.
   std::vector<char> suspected_;
-  double noise_hz_ = 0, on_share_ = 0.5;
+  double noise_hz_ = 0, mean_passing_noise_hz_ = 0, on_share_ = 0.5;
   bool knows_noise_ = false;
   std::uint32_t needed_window_us_ = 0;
   int needed_neighbours_ = 0;

@@ -39,6 +39,8 @@ struct Surface {
   double window_s = 0;       ///< age of the oldest event used
   std::uint32_t events_used = 0;
   bool still = false;  ///< too few events to see motion: the pose is to be held
+  /// Not more than noise may make that differs between parts of the image: no map is to begin with them.
+  bool maybe_noise = false;
 
   /// Index of the nearest edge of a pixel, -1 where there is none.
   int NearestEdge(int x, int y) const {

@@ -22,6 +22,8 @@ namespace devo {
 namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
+// Events of noise that are expected since the last surface: fewer tell nothing. This share of them are enough.
+constexpr double kLeastNoise = 100, kNoiseShare = 0.1;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
 constexpr std::size_t kSightings = 12000;   // a sample of the events tells how the image moves
 constexpr std::size_t kAhead = 64;          // events: about the time that memory takes to answer
@@ -126,6 +128,7 @@ struct SurfaceBuilder::Impl {
   std::uint64_t UsefulEvents() const;
   void FilterNewEvents();
   void NoteProgress(std::int64_t t_ns);
+  bool NoiseGoesOn() const;
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   void CollectSightings(std::uint64_t first, std::size_t most, std::int64_t t_ns, const Vector6d& velocity_event,
                         double depth_m);
@@ -289,6 +292,13 @@ void SurfaceBuilder::Impl::NoteProgress(std::int64_t t_ns) {
   progress.push_back({t_ns, counters.in, compensated ? kept.end() : counters.in, !compensated || filter.knows_noise()});
 }
 
+bool SurfaceBuilder::Impl::NoiseGoesOn() const {
+  if (!compensated || progress.size() < 2) return false;
+  const Progress &last = progress[progress.size() - 2], &now = progress.back();
+  const double expected = filter.noise_hz() * camera.width() * camera.height() * SecondsFromNs(now.t_ns - last.t_ns);
+  return expected >= kLeastNoise && static_cast<double>(now.in - last.in) >= kNoiseShare * expected;
+}
+
 void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   NoteProgress(t_ns);
   while (progress.size() > 2 && progress[1].t_ns <= t_ns - kRateWindow_ns) progress.erase(progress.begin());
@@ -296,6 +306,7 @@ void SurfaceBuilder::Impl::MeasureRates(std::int64_t t_ns, Surface* surface) {
   const double span_s = std::max(SecondsFromNs(b.t_ns - a.t_ns), 0.5 / options.rate_hz);
   surface->event_rate_hz = static_cast<double>(b.in - a.in) / span_s;
   surface->activity_hz = static_cast<double>(b.passed - a.passed) / span_s / (camera.width() * camera.height());
+  surface->noise_goes_on = NoiseGoesOn();
   double beyond_noise_hz = surface->activity_hz;
   if (compensated) {
     beyond_noise_hz -= filter.mean_passing_noise_hz();
@@ -373,7 +384,10 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>
   if (surface->events_used && options.ideas.mean_time) surface->t_edges_ns -= age_sum_ns / surface->events_used;
   SceneDepth scene = depth;
   if (!options.ideas.depth_grid) scene.inverse_depth.release();
-  Accumulate(first, surface->t_edges_ns, MotionFor(motion, first, depth, *surface), scene);
+  const Motion used = MotionFor(motion, first, depth, *surface);
+  const bool of_events = !motion || motion->of_poses;
+  surface->turn_event = of_events ? AsTurn(used.velocity, depth.median_m) : Eigen::Vector3d::Zero().eval();
+  Accumulate(first, surface->t_edges_ns, used, scene);
   Blur(accumulated, options.blur_px, &scratch, &blurred);
   const int threshold = OccupiedQuantile(blurred, options.crest_quantile);
   FindCrests(blurred, accumulated_sign, threshold, &surface->edges, options.ideas.clear_crests);

@@ -80,6 +80,13 @@ bool MovesClearly(const MotionFilter::Prediction& now, double least_square) {
   return NormalisedSquare(now.velocity_event, now.velocity_covariance) > least_square;
 }
 
+/// The velocity [v; omega] of a camera that turns as its events say.
+Vector6d TurningWith(const Surface& surface) {
+  Vector6d velocity = Vector6d::Zero();
+  velocity.tail<3>() = surface.turn_event;
+  return velocity;
+}
+
 /// Not about to stand, as far as is known.
 bool MayMove(const MotionFilter::Prediction& now) {
   return !IsBelow(now.velocity_event, kStopping_m_s) || MovesClearly(now, kClearlyMoving);
@@ -150,18 +157,18 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
 void Tracker::BeginChapter(const LocalMap& map) {
   chapter_covariance_.resize(static_cast<std::size_t>(map.chapter) + 1, Matrix6d::Zero());
   if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
-  StartAt(map.t_ns, map.T_world_ref);
+  StartAt(map.t_ns, map.T_world_ref, VelocitySinceStart(map.t_ns, map.T_world_ref));
   last_found_ns_ = map.t_ns;
   quality_.ForgetUsual();
   begun_ = coasted_ = unsure_ = follow_ = true;
 }
 
-void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event) {
+Vector6d Tracker::VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_event) const {
   const double since_s = SecondsFromNs(t_ns - started_ns_);
-  Vector6d velocity = Vector6d::Zero();
-  if (since_s > 0 && since_s < kStartsTogether_s) velocity = Log(T_world_started_.inverse() * T_world_event) / since_s;
-  if (velocity.head<3>().norm() > kMaxStart_m_s || velocity.tail<3>().norm() > kMaxStart_rad_s) velocity.setZero();
-  StartAt(t_ns, T_world_event, velocity);
+  if (!(since_s > 0 && since_s < kStartsTogether_s)) return Vector6d::Zero();
+  const Vector6d velocity = Log(T_world_started_.inverse() * T_world_event) / since_s;
+  const bool possible = velocity.head<3>().norm() <= kMaxStart_m_s && velocity.tail<3>().norm() <= kMaxStart_rad_s;
+  return possible ? velocity : Vector6d(Vector6d::Zero());
 }
 
 void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity) {
@@ -209,12 +216,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     rest_.NoteUntil(surface.t_ns, surface.maybe_noise, inertial_);
   }
   if (!map_ || map_->epoch != surface.epoch) return std::nullopt;
-  if (!motion_.started()) {
-    BeginChapter(*map_);
-    if (!StartFromRest()) {
-      if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
-    }
-  }
+  if (!motion_.started()) Begin(surface);
 
   PoseEstimate pose;
   pose.t_ns = surface.t_ns;
@@ -225,7 +227,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   const bool free = surface.still && !held_, may_move = free && unseen_s < kMaxCoast_s;
   // Depth that agrees measures the motion on, however long events are missing.
   const bool by_depth = free && missing_ && SecondsFromNs(surface.t_ns - depth_fusion_.found_ns()) < kMaxCoast_s;
-  missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) &&
+  missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && !surface.noise_goes_on &&
              MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   if (!held_) held_since_ns_ = surface.t_edges_ns;
@@ -252,6 +254,15 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   if (std::exchange(anew_, false)) pose.earlier = {{started_ns_, T_world_started_}};
   ContinueToNow(held_, &pose);
   return pose;
+}
+
+void Tracker::Begin(const Surface& surface) {
+  BeginChapter(*map_);
+  if (StartFromRest()) return;
+  if (!inertial_.Mean(map_->t_ns, surface.t_edges_ns)) {
+    StartAt(map_->t_ns, map_->T_world_ref, TurningWith(surface));
+  }
+  if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
 }
 
 bool Tracker::StartFromRest() {
@@ -465,7 +476,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool inertial_fits = FollowsInertial(), bad = quality_.IsBad(result.inlier_share);
   const bool search = WantsSearch(surface.t_ns, result.inlier_share, inertial_fits);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
-    StartAt(surface.t_edges_ns, map_->T_world_ref * result.T_event_ref.inverse());
+    const Rigid3 T_world_found = map_->T_world_ref * result.T_event_ref.inverse();
+    const Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
+    const bool by_events = velocity.isZero() && !inertial_prior_;
+    StartAt(surface.t_edges_ns, T_world_found, by_events ? TurningWith(surface) : velocity);
     coasted_ = false;
   } else if (inertial_fits && (bad || (lost && suspicious))) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while

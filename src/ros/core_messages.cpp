@@ -140,6 +140,8 @@ void WriteMessage(Stream& stream, const Surface& surface) {
   stream.next(surface.events_used);
   stream.next(static_cast<std::uint8_t>(surface.still));
   stream.next(static_cast<std::uint8_t>(surface.maybe_noise));
+  stream.next(static_cast<std::uint8_t>(surface.noise_goes_on));
+  WriteMatrix(stream, surface.turn_event);
 }
 
 void ReadMessage(IStream& stream, Surface& surface) {
@@ -157,11 +159,12 @@ void ReadMessage(IStream& stream, Surface& surface) {
   stream.next(surface.activity_hz);
   stream.next(surface.window_s);
   stream.next(surface.events_used);
-  std::uint8_t still = 0, maybe_noise = 0;
-  stream.next(still);
-  stream.next(maybe_noise);
-  surface.still = still != 0;
-  surface.maybe_noise = maybe_noise != 0;
+  for (bool* flag : {&surface.still, &surface.maybe_noise, &surface.noise_goes_on}) {
+    std::uint8_t byte = 0;
+    stream.next(byte);
+    *flag = byte != 0;
+  }
+  ReadMatrix(stream, surface.turn_event);
 }
 
 template <typename Stream>

@@ -406,6 +406,37 @@ TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfThe
   }
 }
 
+TEST(CompensatedSurface, SaysThatNoEventsAreMissingAsLongAsNoiseGoesOn) {
+  SurfaceBuilder builder(TestCamera(), SurfaceOptions());
+  std::mt19937 random(3);
+  const auto after = [&](int k, int events_per_surface) {
+    std::vector<Event> events;
+    for (int i = 0; i < events_per_surface; ++i) {
+      events.push_back(At((k - 1) * 10'000'000LL + i * (10'000'000LL / events_per_surface),
+                          static_cast<int>(random() % kWidth), static_cast<int>(random() % kHeight)));
+    }
+    builder.Insert(events);
+    return builder.Render(k * 10'000'000, Vector6d::Zero(), {});
+  };
+  SurfacePtr surface;
+  for (int k = 1; k <= 60; ++k) surface = after(k, 400);  // 2 Hz per pixel
+  EXPECT_TRUE(surface->still);
+  EXPECT_TRUE(surface->noise_goes_on);
+  EXPECT_FALSE(after(61, 1)->noise_goes_on);
+  EXPECT_TRUE(after(62, 400)->noise_goes_on);
+}
+
+TEST(CompensatedSurface, TellsTheTurnOfItsEventsUnlessAnInertialSensorLeads) {
+  const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0.3, 0));
+  const auto turn = [&](const std::optional<ExpectedMotion>& motion) {
+    return SurfaceOf(edge.Events(), motion, 2)->turn_event;
+  };
+  // At 2 m a translation of 2 m/s moves the image as a turn of 1 rad/s.
+  EXPECT_LT((turn(ExpectedMotion(edge.velocity, true)) - Eigen::Vector3d(0, 1.3, 0)).norm(), 0.1);
+  EXPECT_NEAR(turn(std::nullopt).y(), 1.3, 0.3);
+  EXPECT_TRUE(turn(ExpectedMotion(edge.velocity, false)).isZero());
+}
+
 TEST(CompensatedSurface, DoesNotTakeTheNoiseOfARecordingsFirstMomentsForMotion) {
   SurfaceBuilder builder(TestCamera(), SurfaceOptions());
   std::mt19937 random(3);

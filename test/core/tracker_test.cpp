@@ -100,6 +100,26 @@ TEST(Tracker, FollowsACameraInMotionFromTheTimeOfAFirstMapThatComesLate) {
   EXPECT_GT((sudden.SurfaceVelocity() - fast).norm(), 1);
 }
 
+TEST(Tracker, BeginsInMotionWithTheTurnThatEventsTell) {
+  Vector6d fast = Vector6d::Zero();
+  fast.tail<3>() << 4, -6, 1;
+  OdometryOptions options;
+  options.tracking.ideas.search = false;
+  for (const bool told : {true, false}) {
+    Tracker tracker(TestCamera(), options);
+    tracker.SetMap(Map());  // of the time 0
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 10; ++k) {
+      Surface surface = Seen(k * kPeriod_ns, Exp(fast * SecondsFromNs(k * kPeriod_ns)));
+      if (told) surface.turn_event = fast.tail<3>();
+      pose = tracker.Track(surface);
+      ASSERT_TRUE(pose);
+    }
+    const double error = Log(Exp(fast * SecondsFromNs(pose->t_ns)).inverse() * pose->T_world_event).norm();
+    EXPECT_EQ(error < 3e-3, told) << error;
+  }
+}
+
 TEST(Tracker, SaysWhereTheCameraWasSinceTheTimeOfAFirstMapThatComesLate) {
   Vector6d velocity;
   velocity << 0.3, -0.1, 0.1, 0.1, 0.2, -0.2;
@@ -392,6 +412,19 @@ TEST(Tracker, CoastsOnWhenEventsEndSuddenlyAndIsNotCertainOfIt) {
   EXPECT_LT((TrueAt(t_ns).inverse() * pose->T_world_event).translation().norm(), 0.005);
   EXPECT_NE(pose->state, TrackingState::kTracking);
   EXPECT_GT(pose->covariance_event.trace(), before->covariance_event.trace());
+}
+
+TEST(Tracker, TakesAnEndOfTheEventsForAStopWhereNoiseGoesOn) {
+  const auto tracker = Moving();
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 20; ++k) {
+    Surface surface = Still(kNow_ns + k * kPeriod_ns);
+    surface.noise_goes_on = true;
+    pose = tracker->Track(surface);
+  }
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->state, TrackingState::kTracking);
+  EXPECT_LT(Log(TrueAt(kNow_ns).inverse() * pose->T_world_event).norm(), 0.02);  // 0.07 of which it coasts on
 }
 
 TEST(Tracker, GoesOnWhenEventsComeBackAfterAGap) {

@@ -41,7 +41,8 @@ Surface SomeSurface() {
   surface.activity_hz = 2.5;
   surface.window_s = 0.02;
   surface.events_used = 12345;
-  surface.still = surface.maybe_noise = true;
+  surface.still = surface.maybe_noise = surface.noise_goes_on = true;
+  surface.turn_event = {0.1, -0.2, 0.3};
   return surface;
 }
 
@@ -92,7 +93,8 @@ TEST(CoreMessages, ASurfaceReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.activity_hz, 2.5);
   EXPECT_DOUBLE_EQ(message.window_s, 0.02);
   EXPECT_EQ(message.events_used, 12345U);
-  EXPECT_TRUE(message.still);
+  EXPECT_TRUE(message.still && message.maybe_noise && message.noise_goes_on);
+  EXPECT_EQ(message.turn_event[2], 0.3);
 }
 
 TEST(CoreMessages, ASurfaceSurvivesARoundTripByteForByte) {
@@ -114,6 +116,9 @@ TEST(CoreMessages, ASurfaceReadBackHasEveryFieldAndFindsTheSameEdges) {
   EXPECT_EQ(read.window_s, sent.window_s);
   EXPECT_EQ(read.events_used, sent.events_used);
   EXPECT_EQ(read.still, sent.still);
+  EXPECT_EQ(read.maybe_noise, sent.maybe_noise);
+  EXPECT_EQ(read.noise_goes_on, sent.noise_goes_on);
+  EXPECT_EQ(read.turn_event, sent.turn_event);
 }
 
 TEST(CoreMessages, ANearestEdgeThatDoesNotExistIsRefused) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
 namespace devo {
@@ -41,6 +42,12 @@ struct Surface {
   bool still = false;  ///< too few events to see motion: the pose is to be held
   /// Not more than noise may make that differs between parts of the image: no map is to begin with them.
   bool maybe_noise = false;
+  /// The noise that was known goes on, since the last surface: no events are missing, however few there are. False
+  /// where there is too little of it to tell.
+  bool noise_goes_on = false;
+  /// rad/s, event frame: the turn that moves the image as its events do, found by them alone or beside the motion of
+  /// poses. It stands for a translation, too, at the scene's mean depth. Zero where an inertial sensor leads the poses.
+  Eigen::Vector3d turn_event = Eigen::Vector3d::Zero();
 
   /// Index of the nearest edge of a pixel, -1 where there is none.
   int NearestEdge(int x, int y) const {

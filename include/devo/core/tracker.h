@@ -64,10 +64,11 @@ class Tracker {
  private:
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
+  void Begin(const Surface& surface);
   bool StartFromRest();
   /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
-  void StartAt(std::int64_t t_ns, const Rigid3& T_world_event);
+  Vector6d VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_event) const;
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);
   /// By depth, since it is held.
   bool IsSeenMoving() const;

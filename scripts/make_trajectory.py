@@ -24,18 +24,34 @@ def turn(t):
     return [-0.9 + 0.25 * x, 0.25 * y, 1.3], [x, y, -0.25]
 
 
-def quaternion(view):
-    """x, y, z, w of a camera (z forward, x right, y down) that looks along `view`, upright in a world whose z is up."""
+def upright(view):
+    """Rotation of a camera (z forward, x right, y down) that looks along `view`, upright in a world whose z is up."""
     forward = np.array(view) / np.linalg.norm(view)
     right = np.cross(forward, [0, 0, 1])
     right /= np.linalg.norm(right)
-    # Of a rotation matrix, the eigenvector of the largest eigenvalue (Bar-Itzhack, 2000), which no angle upsets.
-    (a, b, c), (d, e, f), (g, h, i) = np.stack([right, np.cross(forward, right), forward], 1)
+    return np.stack([right, np.cross(forward, right), forward], 1)
+
+
+def quaternion(rotation):
+    """x, y, z, w."""
+    # The eigenvector of the largest eigenvalue (Bar-Itzhack, 2000), which no angle upsets.
+    (a, b, c), (d, e, f), (g, h, i) = rotation
     k = np.array([[a - e - i, b + d, c + g, h - f],
                   [b + d, e - a - i, f + h, c - g],
                   [c + g, f + h, i - a - e, d - b],
                   [h - f, c - g, d - b, a + e + i]])
     return np.linalg.eigh(k)[1][:, -1]
+
+
+def write_tum(path, stamps_s, pose_at):
+    """`pose_at(t)`: position and rotation."""
+    last = np.array([0, 0, 0, 1])
+    with open(path, 'w') as file:
+        for t in stamps_s:
+            position, rotation = pose_at(t)
+            q = quaternion(rotation)
+            last = q if q @ last >= 0 else -q
+            file.write(' '.join([f'{t:.6f}'] + [f'{value:.9f}' for value in [*position, *last]]) + '\n')
 
 
 def main():
@@ -44,13 +60,12 @@ def main():
     parser.add_argument('out')
     arguments = parser.parse_args()
     motion = {'walk': walk, 'turn': turn}[arguments.motion]
-    last = np.array([0, 0, 0, 1])
-    with open(arguments.out, 'w') as file:
-        for t in np.arange(0, DURATION_S + STEP_S / 2, STEP_S):
-            position, view = motion(t)
-            q = quaternion(view)
-            last = q if q @ last >= 0 else -q
-            file.write(' '.join([f'{t:.6f}'] + [f'{value:.9f}' for value in [*position, *last]]) + '\n')
+
+    def pose_at(t):
+        position, view = motion(t)
+        return position, upright(view)
+
+    write_tum(arguments.out, np.arange(0, DURATION_S + STEP_S / 2, STEP_S), pose_at)
 
 
 if __name__ == '__main__':

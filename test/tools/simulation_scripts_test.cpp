@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace devo {
+namespace {
+
+/// Scripts that simulate recordings, with a simulator that only notes what it is asked for.
+class SimulationScript : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_EQ(std::system(("mkdir -p " + folder_).c_str()), 0);
+    std::ofstream(folder_ + "/simulate") << "#!/bin/sh\n"
+                                            "touch \"$2.bag\"\n"
+                                            "echo \"$@\" >> "
+                                         << folder_ << "/asked\n";
+    ASSERT_EQ(chmod((folder_ + "/simulate").c_str(), 0755), 0);
+  }
+  void TearDown() override { EXPECT_EQ(std::system(("rm -rf " + folder_).c_str()), 0); }
+
+  void Run(const std::string& script, const std::string& arguments = "") const {
+    const std::string command =
+        DEVO_SOURCE_DIR "/scripts/" + script + " " + folder_ + " --devo-simulate " + folder_ + "/simulate " + arguments;
+    EXPECT_EQ(std::system(command.c_str()), 0);
+  }
+  void DrawAtRandom(int count, int seed) const {
+    Run("simulate_at_random.py", "--count " + std::to_string(count) + " --seed " + std::to_string(seed));
+  }
+  std::vector<std::string> Lines(const std::string& name) const {
+    std::ifstream file(folder_ + "/" + name);
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(file, line);) lines.push_back(line);
+    return lines;
+  }
+
+ private:
+  std::string folder_ = ::testing::TempDir() + "simulation_scripts_test_" + std::to_string(getpid());
+};
+
+TEST_F(SimulationScript, AtRandomWritesATableOfWhatItSimulatesAndKeepsWhatIsThere) {
+  DrawAtRandom(3, 1);
+  const auto first = Lines("random.txt");
+  ASSERT_EQ(first.size(), 3U);
+  EXPECT_EQ(Lines("asked").size(), 3U);
+  DrawAtRandom(5, 1);
+  const auto more = Lines("random.txt");
+  ASSERT_EQ(more.size(), 5U);
+  EXPECT_TRUE(std::equal(first.begin(), first.end(), more.begin())) << "the same seed draws the same";
+  EXPECT_EQ(Lines("asked").size(), 5U) << "those that were missing";
+  for (const std::string& row : more) {
+    std::istringstream words(row);
+    const std::vector<std::string> columns{std::istream_iterator<std::string>(words), {}};
+    ASSERT_EQ(columns.size(), 3U) << row;
+    EXPECT_EQ(columns[2], columns[0] + ".bag");
+    EXPECT_NE(columns[1].find("/" + columns[0] + ".yaml"), std::string::npos);
+  }
+}
+
+TEST_F(SimulationScript, AtRandomDrawsOthersForAnotherSeed) {
+  DrawAtRandom(4, 1);
+  const auto one = Lines("random.txt");
+  DrawAtRandom(4, 2);
+  EXPECT_NE(one, Lines("random.txt"));
+}
+
+TEST_F(SimulationScript, OfMotionsWritesEachAsASmoothWayThatBeginsFromRest) {
+  Run("simulate_motions.py");
+  const auto table = Lines("motions.txt");
+  ASSERT_GT(table.size(), 15U);
+  EXPECT_EQ(Lines("asked").size(), table.size());
+  for (const std::string& row : table) {
+    const std::string name = row.substr(0, row.find(' '));
+    std::vector<double> first, last;
+    for (const std::string& line : Lines(name + "_motion.txt")) {
+      std::istringstream numbers(line);
+      const std::vector<double> pose{std::istream_iterator<double>(numbers), {}};
+      ASSERT_EQ(pose.size(), 8U) << line;
+      if (first.empty()) first = last = pose;
+      const auto moved = [&pose](const std::vector<double>& from, std::size_t begin, std::size_t end) {
+        double squares = 0;
+        for (std::size_t i = begin; i < end; ++i) squares += std::pow(pose[i] - from[i], 2);
+        return std::sqrt(squares);
+      };
+      if (pose[0] < 0.3) {
+        EXPECT_LT(moved(first, 1, 8), 1e-9) << line;
+      }
+      EXPECT_LT(moved(last, 1, 4), 0.005 * 4) << name << ": " << line;  // 4 m/s
+      EXPECT_LT(moved(last, 4, 8), 0.005 * 4) << name << ": " << line;  // 8 rad/s: half of that of the quaternion
+      last = pose;
+    }
+    EXPECT_DOUBLE_EQ(last.at(0), 4.5);
+  }
+}
+
+}  // namespace
+}  // namespace devo

@@ -33,6 +33,7 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
   const Eigen::Vector3f t = prior.T_event_ref.translation().cast<float>();
   const auto window_s = static_cast<float>(surface.window_s), lag_px = static_cast<float>(options.surface.edge_lag_px);
   const Eigen::Matrix<float, 6, 1> velocity = velocity_event.cast<float>();
+  const Eigen::Matrix3f P_way = prior.position_covariance.cast<float>();
   const Eigen::Matrix<float, 6, 6> L_t = prior.sqrt_velocity_covariance.transpose().cast<float>();
   prepared->clear();
   prepared->reserve(points.size());
@@ -54,9 +55,15 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
         out.lag_strength = LagStrength(across_px, (L_t * along).norm(), lag_px);
       }
       if (ideas.visibility_weight) out.expected = VisibilityOfMotion(across_px);
-      // A point moves through the image as it does when the camera moves the other way.
-      const float by_depth_px = per_motion.head<3>().dot(R * point.sigma_depth_ref);
-      out.expected /= 1 + by_depth_px * by_depth_px / (kTolerated_px * kTolerated_px);
+      if (!point.sigma_depth_ref.isZero()) {
+        const Eigen::Vector3f px_per_m = per_motion.head<3>();
+        // A point moves through the image as it does when the camera moves the other way.
+        const float by_depth_px = px_per_m.dot(R * point.sigma_depth_ref);
+        // Nor is the way of the camera known, which would show such a depth as another.
+        const float depth_share = point.sigma_depth_ref.norm() / p.norm();
+        const float by_way_px2 = depth_share * depth_share * px_per_m.dot(P_way * px_per_m);
+        out.expected /= 1 + (by_depth_px * by_depth_px + by_way_px2) / (kTolerated_px * kTolerated_px);
+      }
       if (ideas.match_polarity && std::abs(across_px) > kClearMotion_px) {
         out.polarity = -std::copysign(point.sign, point.sign * across_px);
       }

@@ -227,8 +227,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   const bool free = surface.still && !held_, may_move = free && unseen_s < kMaxCoast_s;
   // Depth that agrees measures the motion on, however long events are missing.
   const bool by_depth = free && missing_ && SecondsFromNs(surface.t_ns - depth_fusion_.found_ns()) < kMaxCoast_s;
-  missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && !surface.noise_goes_on &&
-             MayMove(PredictAt(std::max(surface.t_edges_ns, motion_.time_ns())));
+  missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && MayMoveUnseen(surface);
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   if (!held_) held_since_ns_ = surface.t_edges_ns;
   if (std::exchange(held_, surface.still && !coasting_) && !surface.still) LeaveRest();
@@ -254,6 +253,12 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   if (std::exchange(anew_, false)) pose.earlier = {{started_ns_, T_world_started_}};
   ContinueToNow(held_, &pose);
   return pose;
+}
+
+bool Tracker::MayMoveUnseen(const Surface& surface) const {
+  const auto now = PredictAt(std::max(surface.t_edges_ns, motion_.time_ns()));
+  // Where noise shows, so does what moves fast.
+  return MayMove(now) && !(surface.noise_goes_on && activity_.WouldShow(Flow(now.velocity_event)));
 }
 
 void Tracker::Begin(const Surface& surface) {
@@ -423,6 +428,7 @@ PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double s
   PosePrior prior;
   prior.T_event_ref = predicted.T_world_aligned.inverse() * map_->T_world_ref;
   const Matrix6d information = predicted.aligned_covariance.ldlt().solve(Matrix6d::Identity());
+  prior.position_covariance = predicted.aligned_covariance.topLeftCorner<3, 3>();
   prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
   if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();

@@ -306,12 +306,13 @@ TEST(Alignment, WeighsAPointOfGuessedDepthByHowFarThatMayPlaceItAcrossItsEdge) {
   std::vector<MapPoint> upright;
   AddSegment({119.5, 60}, {119.5, 120}, 2, &upright);
   // From the view that made them the depth does not show, from 5 cm aside a centimetre of it does.
-  const auto weight = [&upright](const Rigid3& T_event_ref, float sigma_m) {
+  const auto weight = [&upright](const Rigid3& T_event_ref, float sigma_m, double way_m = 0) {
     std::vector<MapPoint> guessed = upright;
     for (MapPoint& point : guessed) point.sigma_depth_ref = sigma_m * point.p_ref / point.p_ref.z();
     const auto information = [&](const std::vector<MapPoint>& points) {
-      return Align(points, Seen(points, T_event_ref), TestCamera(), WeakPrior(T_event_ref), Vector6d::Unit(0), {})
-          .information.trace();
+      PosePrior prior = WeakPrior(T_event_ref);
+      prior.position_covariance = way_m * way_m * Eigen::Matrix3d::Identity();
+      return Align(points, Seen(points, T_event_ref), TestCamera(), prior, Vector6d::Unit(0), {}).information.trace();
     };
     return information(guessed) / information(upright);
   };
@@ -321,6 +322,10 @@ TEST(Alignment, WeighsAPointOfGuessedDepthByHowFarThatMayPlaceItAcrossItsEdge) {
   EXPECT_NEAR(weight(aside, 0.01F), 1 / (1 + std::pow(by_centimetre_px / 0.15, 2)), 0.01);
   EXPECT_LT(weight(aside, 0.5F), 0.02);
   EXPECT_NEAR(weight(aside, 0), 1, 1e-6);
+  // Where the camera's own way is not known, the depth may show as well.
+  const double by_way_px = TestCamera().fx() * 0.01 * 0.5 / (2 * 2);
+  EXPECT_NEAR(weight(Rigid3(), 0.5F, 0.01), 1 / (1 + std::pow(by_way_px / 0.15, 2)), 0.01);
+  EXPECT_NEAR(weight(Rigid3(), 0, 0.01), 1, 1e-6);
 }
 
 TEST(Alignment, ChargesForPointsWithoutAnEdgeUnlessThatIsSwitchedOff) {

@@ -17,6 +17,7 @@ namespace devo {
 struct PosePrior {
   Rigid3 T_event_ref;                            ///< its mean
   Matrix6d sqrt_information = Matrix6d::Zero();  ///< of a perturbation in the event frame (Exp(xi) * T); zero: no prior
+  Eigen::Matrix3d position_covariance = Eigen::Matrix3d::Zero();  ///< m^2, of that perturbation's rho; zero: exact
   /// Cholesky factor of the covariance of the velocity [v; omega] of and in the event frame, m/s and rad/s; zero:
   /// exact.
   Matrix6d sqrt_velocity_covariance = Matrix6d::Zero();

@@ -65,6 +65,7 @@ class Tracker {
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
   void Begin(const Surface& surface);
+  bool MayMoveUnseen(const Surface& surface) const;
   bool StartFromRest();
   /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);

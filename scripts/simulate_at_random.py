@@ -9,14 +9,10 @@ each seed. Names say what was drawn; the same seed draws the same.
 
 The last takes the table of recordings that the first writes.
 """
-import argparse
-import os
 import random
-import subprocess
-import sys
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-EXAMPLE = os.path.join(ROOT, 'config/sim/example_scene.yaml')
+import simulated_set
+
 RAMP_S = .4  # in which devo_simulate brakes and speeds up: before it stops it must be at speed
 
 
@@ -25,7 +21,7 @@ def draw_recordings(count, seed, first_seed):
     draw = random.Random(seed)
     recordings = []
     for own_seed in range(first_seed, first_seed + count):
-        scene = draw.choices(['cali', 'table', 'sofa', EXAMPLE, 'hall'], [3, 4, 4, 3, 1])[0]
+        scene = draw.choices(['cali', 'table', 'sofa', simulated_set.EXAMPLE, 'hall'], [3, 4, 4, 3, 1])[0]
         speed = draw.choice(['slow', 'mid', 'fast'])
         light = draw.choices(['bright', 'darkish', 'dim', 'dark', 'hdr'], [3, 2, 2, 2, 2])[0]
         sensor = draw.choices(['gen3', 'davis346', 'davis240', 'gen4'], [5, 5, 3, .6])[0]
@@ -49,7 +45,7 @@ def draw_recordings(count, seed, first_seed):
         if rest == 0:
             tags.append('rest0')
         duration = draw.choice([4, 5, 6])
-        scene_name = 'example' if scene == EXAMPLE else scene
+        scene_name = 'example' if scene == simulated_set.EXAMPLE else scene
         name = '_'.join([f'f{own_seed}', scene_name, speed, light, sensor] + tags)
         recordings.append((name, ['--scene', scene, '--speed', speed, '--light', light, '--sensor', sensor, '--seed',
                                   str(own_seed), '--duration', str(duration)] + arguments))
@@ -57,25 +53,12 @@ def draw_recordings(count, seed, first_seed):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('directory')
+    parser = simulated_set.parser(__doc__)
     parser.add_argument('--count', type=int, default=28)
     parser.add_argument('--seed', type=int, default=20261125)
     parser.add_argument('--first-seed', type=int, default=301, help="the recordings' own: those of the other sets are smaller")
-    parser.add_argument('--devo-simulate', default=os.path.join(ROOT, 'devel/lib/devo/devo_simulate'))
     args = parser.parse_args()
-    if not os.access(args.devo_simulate, os.X_OK):
-        sys.exit(f'{args.devo_simulate}: not there, expected the built simulator (scripts/build.sh)')
-    directory = os.path.abspath(args.directory)
-    os.makedirs(directory, exist_ok=True)
-    rows = []
-    for name, arguments in draw_recordings(args.count, args.seed, args.first_seed):
-        path = os.path.join(directory, name)
-        if not os.path.exists(path + '.bag'):
-            subprocess.run([args.devo_simulate, '--out', path, '--quiet', '--no-frames'] + arguments, check=True)
-        rows.append(f'{name} {path}.yaml {name}.bag\n')
-        with open(os.path.join(directory, 'random.txt'), 'w') as table:
-            table.writelines(rows)
+    simulated_set.simulate(args, draw_recordings(args.count, args.seed, args.first_seed), 'random.txt')
 
 
 if __name__ == '__main__':

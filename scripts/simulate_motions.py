@@ -6,16 +6,13 @@ about in jerks, turning about the line of sight, straight towards things and pas
     scripts/simulate_motions.py DIR                  (12 min on two cores; what is there is kept)
     scripts/evaluate_recordings.py --data DIR --recordings DIR/motions.txt --depth-rate all 5 1
 """
-import argparse
 import os
-import subprocess
-import sys
 
 import numpy as np
 
 import make_trajectory
+import simulated_set
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 DURATION_S, STEP_S, REST_S, RAMP_S = 4.5, .005, .3, .5
 FIRST_SEED = 501
 
@@ -135,29 +132,21 @@ def write_motion(path, motion, scene, seed):
     make_trajectory.write_tum(path, np.arange(0, DURATION_S + 1e-9, STEP_S), pose_at)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('directory')
-    parser.add_argument('--devo-simulate', default=os.path.join(ROOT, 'devel/lib/devo/devo_simulate'))
-    args = parser.parse_args()
-    if not os.access(args.devo_simulate, os.X_OK):
-        sys.exit(f'{args.devo_simulate}: not there, expected the built simulator (scripts/build.sh)')
-    directory = os.path.abspath(args.directory)
-    os.makedirs(directory, exist_ok=True)
-    rows = []
+def recordings(directory):
+    """Pairs of a name and the arguments of devo_simulate; writes their motions."""
     for seed, recording in enumerate(RECORDINGS.split('\n')[1:-1], FIRST_SEED):
         motion, scene, light, sensor = recording.split()
         name = f'm{seed}_{motion}_{scene}_{light}_{sensor}'
-        path = os.path.join(directory, name)
-        if not os.path.exists(path + '.bag'):
-            write_motion(path + '_motion.txt', motion, scene, seed)
-            model = os.path.join(ROOT, 'config/sim/example_scene.yaml') if scene == 'example' else scene
-            subprocess.run([args.devo_simulate, '--out', path, '--quiet', '--no-frames', '--scene', model, '--light',
-                            light, '--sensor', sensor, '--seed', str(seed), '--trajectory', path + '_motion.txt',
-                            '--rest', '0'], check=True)
-        rows.append(f'{name} {path}.yaml {name}.bag\n')
-        with open(os.path.join(directory, 'motions.txt'), 'w') as table:
-            table.writelines(rows)
+        path = os.path.join(directory, name + '_motion.txt')
+        write_motion(path, motion, scene, seed)
+        model = simulated_set.EXAMPLE if scene == 'example' else scene
+        yield name, ['--scene', model, '--light', light, '--sensor', sensor, '--seed', str(seed), '--trajectory', path,
+                     '--rest', '0']
+
+
+def main():
+    args = simulated_set.parser(__doc__).parse_args()
+    simulated_set.simulate(args, recordings(args.directory), 'motions.txt')
 
 
 if __name__ == '__main__':

@@ -81,9 +81,9 @@ class NoiseFilter {
   // One pixel of border on every side, so that neighbours need no bounds check.
   std::vector<std::uint32_t> pixels_;
   std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
-  std::vector<std::uint32_t> block_counts_;  // events per whole block of 16 x 16 pixels in the last period
-  std::vector<std::uint32_t> ranked_counts_;
-  // The same of those that passed, and of blocks that the border cuts as well.
+  std::vector<std::uint32_t> block_counts_;   // events per whole block of 16 x 16 pixels in the last period
+  std::vector<std::uint32_t> ranked_counts_;  // the same, partly ordered; kept so that nothing is allocated
+  // As block_counts_, of those that passed, and of blocks that the border cuts as well.
   std::vector<std::uint32_t> passed_counts_;
   std::uint64_t judged_ = 0;            // events since passed_counts_ began
   std::vector<double> noise_rates_hz_;  // of the blocks that show nothing else, events per pixel and second

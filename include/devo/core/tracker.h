@@ -62,17 +62,22 @@ class Tracker {
   void Reset();
 
  private:
+  /// Starts at the first map, `surface` being the first after it: as fast as is known from a rest before, or else,
+  /// where no inertial sensor knows better, turning as the surface's events say.
+  void Begin(const Surface& surface);
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
-  void Begin(const Surface& surface);
-  bool MayMoveUnseen(const Surface& surface) const;
   bool StartFromRest();
   /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
+  /// From the last start to this pose; zero where that is too long ago, or faster than a camera moves.
   Vector6d VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_event) const;
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);
   /// By depth, since it is held.
   bool IsSeenMoving() const;
+  /// Whether the camera may move as predicted though `surface` has hardly any events: not where it may be about to
+  /// stand, nor where noise shows but not what would move so fast.
+  bool MayMoveUnseen(const Surface& surface) const;
   /// A pose by depth, moved to now, does not fit: without events it is believed when another says so, too.
   void Contradict(const DepthPose& depth, const Rigid3& T_world_now);
   /// Events say that the camera moves, which was held to stand: it began to before they did.

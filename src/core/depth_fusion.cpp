@@ -24,8 +24,9 @@ constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the
 // Real depth errs in more ways than are stated (its calibration moves, its clock is off). What differs more than usual,
 // as a normalised square, may be its error as well as the pose's, unless something else says that it is the pose.
 constexpr double kUsualSquare = 4;
-// Depth that is aligned to the wrong place is so at another one each time. What contradicts in a row, and each time alike
-// (but for how fast a false pose drifts), is right, whatever events match: a map that was made from a false pose fits it.
+// Depth that is aligned to the wrong place is so at another one each time. What contradicts in a row, and each time
+// alike (but for how fast a false pose drifts), is right, whatever events match: a map that was made from a false pose
+// fits it.
 constexpr int kAlikeInARow = 3;
 constexpr double kDrift_m_s = 0.1;  // also in rad/s
 // So fast a pose may have gone astray since depth agreed with it. Also in radians.
@@ -116,7 +117,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   if (knows_all) found_ns_ = depth.t_ns;
 
   Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
-  if (!estimate.guided && !estimate.doubtful && !contradicts) R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
+  if (!estimate.guided && !estimate.doubtful && !contradicts)
+    R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
   const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);

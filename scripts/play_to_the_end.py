@@ -6,29 +6,86 @@ rosrun devo play_to_the_end.py --odometry /devo/status -- <arguments of rosbag p
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 
+import rosbag
 import rospy
+import std_msgs.msg
 
 # Wall time. Without an answer for so long, none is to come.
 QUIET_S = 1
 LONGEST_S = 60
+POLL_S = 0.02
+
+# Messages that follow the last one: that all before it are published, and one at which the player pauses.
+END_TOPIC = "/play_to_the_end/end"
+PAUSE_TOPIC = "/play_to_the_end/pause"
 
 
-def wait_until_quiet(topic):
-    last = time.time()
+class LastHeard:
+    """When a message last came, wall time; 0 before the first."""
 
-    def answered(_):
-        nonlocal last
-        last = time.time()
+    def __init__(self, topic):
+        self.time = 0
+        self.subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self.on_message, queue_size=1)
 
-    subscriber = rospy.Subscriber(topic, rospy.AnyMsg, answered, queue_size=1)
-    deadline = last + LONGEST_S
-    while not rospy.is_shutdown() and time.time() < min(last + QUIET_S, deadline):
-        time.sleep(0.02)
-    subscriber.unregister()
+    def on_message(self, _):
+        self.time = time.time()
+
+
+def wait_until_quiet(answers):
+    begin = time.time()
+    while not rospy.is_shutdown():
+        now = time.time()
+        if now > max(answers.time, begin) + QUIET_S or now > begin + LONGEST_S:
+            return
+        time.sleep(POLL_S)
+
+
+def write_end(bags, path):
+    """A bag that follows the others; false where the player will say what is wrong with them."""
+    try:
+        ends = []
+        for bag in bags:
+            with rosbag.Bag(bag, skip_index=True) as opened:
+                ends.append(opened.get_end_time())
+    except (rosbag.ROSBagException, OSError):
+        return False
+    if not ends:
+        return False
+    # Latched: this node may be late to subscribe.
+    header = {"topic": END_TOPIC, "latching": "1", "callerid": rospy.get_name(), "type": std_msgs.msg.Bool._type,
+              "md5sum": std_msgs.msg.Bool._md5sum, "message_definition": std_msgs.msg.Bool._full_text}
+    after = rospy.Time.from_sec(max(ends) + 1e-3)
+    with rosbag.Bag(path, "w") as bag:
+        bag.write(END_TOPIC, std_msgs.msg.Bool(), after, connection_header=header)
+        bag.write(PAUSE_TOPIC, std_msgs.msg.Bool(), after + rospy.Duration(1e-3))
+    return True
+
+
+def play(arguments, answers):
+    """rosbag play's exit status. One that ends by itself takes along what it has not sent yet: it is kept until the
+    odometry has answered."""
+    with tempfile.TemporaryDirectory(prefix="devo_play_") as folder:
+        command = ["rosrun", "rosbag", "play"] + arguments
+        end = os.path.join(folder, "end.bag")
+        if "--loop" not in arguments and write_end([word for word in arguments if word.endswith(".bag")], end):
+            command += [end, "--pause-topics", PAUSE_TOPIC]
+        published = LastHeard(END_TOPIC)
+        player = subprocess.Popen(command + ["__name:=play"])
+        while player.poll() is None and not published.time and not rospy.is_shutdown():
+            time.sleep(POLL_S)
+        if player.poll() is None or player.returncode == 0:
+            wait_until_quiet(answers)
+        if player.poll() is not None:
+            return player.returncode
+        player.send_signal(signal.SIGINT)
+        player.wait()
+        return 0
 
 
 def main():
@@ -42,11 +99,8 @@ def main():
     for bag in bags:
         if not os.path.exists(bag):
             rospy.logwarn("%s is not there: the run goes on without what it would hold", bag)
-    there = [bag for bag in bags if os.path.exists(bag)]
-    result = subprocess.call(["rosrun", "rosbag", "play"] + options.play + there + ["__name:=play"])
-    if result == 0:
-        wait_until_quiet(options.odometry)
-    return result
+    arguments = options.play + [bag for bag in bags if os.path.exists(bag)]
+    return play(arguments, LastHeard(options.odometry))
 
 
 if __name__ == "__main__":

@@ -10,9 +10,11 @@ import sys
 import tempfile
 import unittest
 
+import rosbag
 import rospkg
 import rospy
 import rostest
+import std_msgs.msg
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from devo_testing import program, stamps_of  # noqa: E402
@@ -106,6 +108,18 @@ class RecordingsTest(unittest.TestCase):
         print("fast: %s" % said[0])
         self.assertGreater(stamps[-1], expected[-1] - 0.0101)
         self.assertLess(max(b - a for a, b in zip(stamps, stamps[1:])), 0.0101)
+
+    def test_a_replay_that_ends_sends_its_last_messages_first(self):
+        count, size = 20, 4000000
+        bag = os.path.join(self.folder, "large.bag")
+        with rosbag.Bag(bag, "w") as out:
+            for i in range(count):
+                out.write("/large", std_msgs.msg.String("%d" % i + " " * size), rospy.Time(1000 + 1e-4 * i))
+        received = []
+        subscriber = rospy.Subscriber("/large", std_msgs.msg.String, lambda m: received.append(m.data.split()[0]))
+        subprocess.check_call([program("play_to_the_end.py"), "--odometry", "/nobody", "--", "--quiet", "--delay", "2", bag])
+        subscriber.unregister()
+        self.assertEqual(received, ["%d" % i for i in range(count)])
 
     def test_mvsec_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~mvsec")

@@ -13,6 +13,8 @@
 
 #include <gtest/gtest.h>
 
+#include "devo/sim/scene.h"
+
 namespace devo {
 namespace {
 
@@ -37,8 +39,9 @@ class SimulationScript : public ::testing::Test {
   void DrawAtRandom(int count, int seed) const {
     Run("simulate_at_random.py", "--count " + std::to_string(count) + " --seed " + std::to_string(seed));
   }
+  std::string PathOf(const std::string& name) const { return folder_ + "/" + name; }
   std::vector<std::string> Lines(const std::string& name) const {
-    std::ifstream file(folder_ + "/" + name);
+    std::ifstream file(PathOf(name));
     std::vector<std::string> lines;
     for (std::string line; std::getline(file, line);) lines.push_back(line);
     return lines;
@@ -100,6 +103,26 @@ TEST_F(SimulationScript, OfMotionsWritesEachAsASmoothWayThatBeginsFromRest) {
       last = pose;
     }
     EXPECT_DOUBLE_EQ(last.at(0), 4.5);
+  }
+}
+
+TEST_F(SimulationScript, OfScenesDrawsRoomsInWhichNothingIsWhereTheCameraMoves) {
+  Run("simulate_scenes.py", "--count 5");
+  const auto table = Lines("scenes.txt");
+  ASSERT_EQ(table.size(), 5U);
+  for (const std::string& row : table) {
+    const sim::Scene scene = sim::LoadScene(PathOf(row.substr(0, row.find(' ')) + "_scene.yaml"));
+    const Eigen::AlignedBox3d where(scene.motion.position_min, scene.motion.position_max);
+    EXPECT_GT(scene.surfaces().size(), 6U) << row;
+    for (const sim::Surface& surface : scene.surfaces()) {
+      const double size_a = surface.kind == sim::SurfaceKind::kCylinder ? 2 * M_PI * surface.size_u : surface.size_u;
+      for (double a = 0; a <= 1; a += 0.05) {
+        for (double b = 0; b <= 1; b += 0.05) {
+          const Eigen::Vector3d point = sim::PointOn(surface, a * size_a, b * surface.size_v);
+          ASSERT_GT(where.exteriorDistance(point), 0.3) << row << ": " << point.transpose();
+        }
+      }
+    }
   }
 }
 

@@ -105,7 +105,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const double square = NormalisedSquare(residual, stated);
   const bool contradicts = square > kMaxNormalisedSquare;
   if (knows_all) NoteContradiction(depth.t_ns, contradicts, residual, alone + rest);
-  const bool wrong = knows_all ? alike_in_a_row_ >= kAlikeInARow : estimate.doubtful;
+  const bool believed = depth.confirmed || alike_in_a_row_ >= kAlikeInARow;
+  const bool wrong = knows_all ? believed : estimate.doubtful;
   if (contradicts && !wrong) {
     contradictions_ += knows_all ? 1 : 0;
     return std::nullopt;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
@@ -96,6 +97,18 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   return pose;
 }
 
+bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now,
+                                 const View& view) const {
+  if (!pose.KnowsAllDirections()) return false;
+  if (!pose.Contradicts(view.T_world_event, view.covariance)) return false;
+  View other_side = view;
+  other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
+  const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], now, other_side);
+  if (!again) return false;
+  const Matrix6d covariance = pose.information.ldlt().solve(Matrix6d::Identity());
+  return !MakePose({match.keyframe, *again}, other_side).Contradicts(pose.T_world_event, covariance);
+}
+
 void DepthKeyframes::Keep(DepthCells cells, const View& view) {
   if (keyframes_.size() == kMaxKeyframes) {
     keyframes_.erase(std::min_element(keyframes_.begin(), keyframes_.end(),
@@ -124,6 +137,7 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   std::optional<DepthPose> pose;
   if (best.keyframe >= 0) {
     pose = MakePose(best, view);
+    pose->confirmed = IsConfirmed(best, *pose, now, view);
     const DepthContinuity::Verdict verdict = Judge(best, *pose, view, depth.t_ns);
     if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;
     current_ = best.keyframe;

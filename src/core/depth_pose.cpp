@@ -19,12 +19,15 @@ constexpr double kMaxNormalisedSquare = 16;
 Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth) {
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d apart = Log(T_world_event.inverse() * depth.T_world_event);
-  if (NormalisedSquare(apart, covariance + (depth.information + I).inverse()) > kMaxNormalisedSquare) {
-    return T_world_event;
-  }
+  if (depth.Contradicts(T_world_event, covariance)) return depth.confirmed ? depth.T_world_event : T_world_event;
   const Matrix6d share = kCorrectedShare * covariance * depth.information;
   // (C^-1 + H)^-1 H, where both may be singular.
   return T_world_event * Exp((I + share).partialPivLu().solve(share * apart));
+}
+
+bool DepthPose::Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const {
+  const Matrix6d alone = (information + Matrix6d::Identity()).inverse();
+  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + alone) > kMaxNormalisedSquare;
 }
 
 bool DepthPose::KnowsAllDirections() const {

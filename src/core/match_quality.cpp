@@ -7,6 +7,7 @@ namespace devo {
 namespace {
 
 constexpr double kBadShare = 0.15, kBadShareOfUsual = 0.4, kSuspiciousShareOfUsual = 0.7;
+constexpr double kLeastOfUsual = 0.1;
 // Suspicious poses change what is usual ten times more slowly: most are false, but a scene may be like that.
 constexpr double kForgets_s = 0.5, kForgetsSuspicious_s = 5;
 
@@ -18,6 +19,11 @@ bool MatchQuality::IsBad(double inlier_share) const {
 
 bool MatchQuality::IsSuspicious(double inlier_share) const {
   return inlier_share < kSuspiciousShareOfUsual * usual_share_;
+}
+
+double MatchQuality::Weight(double inlier_share) const {
+  const double of_usual = std::clamp(inlier_share / usual_share_, kLeastOfUsual, 1.0);
+  return of_usual * of_usual;
 }
 
 void MatchQuality::Note(double inlier_share) {

@@ -44,6 +44,8 @@ constexpr double kMaxNormalisedSquare = 16;
 // sensor counts in it as its square over that of the noise it is taken to have, whatever the noise of the poses, which
 // is how that noise is found.
 constexpr double kFittingSquare = 0.1;
+// Depth states its errors as they are, and mends those of the alignments before it: that says little of the sensor.
+constexpr double kFittingSquareOfDepth = 2;
 // That of a sensor that fits seems so many times larger for a moment, in fast motion and in the dark.
 constexpr double kTolerated = 2;
 // It grows within a few poses, so that a sensor that is all wrong does not take the first ones with it, and fades
@@ -297,12 +299,13 @@ void MotionFilter::NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& i
   push_misfit_shown_ *= std::exp(-read_push_s_ / kShowsMisfit_s);
   // Noisy poses look like a bad sensor. But as long as it leads them, a bad one is why they match badly.
   const double noise = 1 + (std::sqrt(std::max(1.0, variance_scale)) - 1) * (1 - gyroscope_trust());
-  const auto note = [noise](const Eigen::Vector3d& by, const Eigen::Matrix3d& expected, double* read_s,
-                            double* misfit) {
+  const double fitting = shown == Shown::kAligned ? kFittingSquare : kFittingSquareOfDepth;
+  const auto note = [noise, fitting](const Eigen::Vector3d& by, const Eigen::Matrix3d& expected, double* read_s,
+                                     double* misfit) {
     const double span_s = std::exchange(*read_s, 0);
     if (span_s <= 0) return;
     const double square = by.dot(expected.ldlt().solve(by)) / (3 * noise);
-    const double times = std::min(square / kFittingSquare, kMaxTimes);
+    const double times = std::min(square / fitting, kMaxTimes);
     const double now = times * Widening(*misfit);
     const double share = 1 - std::exp(-span_s / (now > *misfit ? kMisfitGrows_s : kMisfitFades_s));
     if (std::isfinite(square)) *misfit = std::min(kMaxMisfit, *misfit + share * (now - *misfit));

@@ -42,6 +42,10 @@ constexpr double kSearchEvery_s = 0.04;
 constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
+// So soon after depth agreed the prediction is more than a motion that is thought to go on.
+constexpr double kDepthLeads_s = 0.1;
+// Within this time after depth agreed, an inertial sensor does not lead so far astray that a search knows better.
+constexpr double kRulesOutSearch_s = 0.25;
 // So many depth images in a row that contradict a pose without events are right. At a gap's beginning there is no pose
 // for tens of milliseconds, and what lies between two is a guess that depth contradicts where the motion changes fast:
 // what an inertial sensor led to is not given up for that.
@@ -385,6 +389,10 @@ bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit()
 
 bool Tracker::FollowsInertial() const { return inertial_prior_ && InertialFits(); }
 
+bool Tracker::IsLed() const {
+  return FollowsInertial() || SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kDepthLeads_s;
+}
+
 MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
@@ -498,6 +506,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     step_.measured = MotionFilter::LikelihoodOf(predicted, map_->T_world_ref * result.T_event_ref.inverse(),
                                                 A.transpose() * result.information * A / (scale * scale),
                                                 alike.shared / alike.own, residual_scale_.variance_scale());
+    if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(quality_.Weight(result.inlier_share));
     motion_.Update(surface.t_edges_ns, *step_.measured);
   }
   pose->points_used = result.visible;
@@ -522,6 +531,8 @@ bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d
 
 bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result) {
   if (!options_.tracking.ideas.search) return false;
+  const double since_depth_s = SecondsFromNs(surface.t_edges_ns - depth_fusion_.found_ns());
+  if (FollowsInertial() && since_depth_s < kRulesOutSearch_s) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
   const Matrix6d I = Matrix6d::Identity();

@@ -278,6 +278,7 @@ void WriteMessage(Stream& stream, const DepthPose& pose) {
   WritePose(stream, pose.T_world_event);
   WriteMatrix(stream, pose.information);
   WriteMatrix(stream, pose.per_delay);
+  stream.next(static_cast<std::uint8_t>(pose.confirmed));
 }
 
 void ReadMessage(IStream& stream, DepthPose& pose) {
@@ -287,6 +288,9 @@ void ReadMessage(IStream& stream, DepthPose& pose) {
   pose.T_world_event = ReadPose(stream);
   ReadMatrix(stream, pose.information);
   ReadMatrix(stream, pose.per_delay);
+  std::uint8_t confirmed = 0;
+  stream.next(confirmed);
+  pose.confirmed = confirmed != 0;
 }
 
 template void WriteMessage(OStream&, const Surface&);

@@ -68,6 +68,17 @@ TEST(DepthFusion, BelievesTheThirdInARowThatContradictsAlike) {
   }
 }
 
+TEST(DepthFusion, BelievesAContradictionThatIsConfirmedAtOnce) {
+  DepthPose pose = PoseAt(kPeriod_ns, Exp(50 * SmallStep()));
+  EXPECT_FALSE(DepthFusion().Correct(pose, EstimateAt(Rigid3())));
+  pose.confirmed = true;
+  DepthFusion fusion;
+  const auto correction = fusion.Correct(pose, EstimateAt(Rigid3()));
+  ASSERT_TRUE(correction);
+  EXPECT_GT(correction->moved.norm(), 0.9 * 50 * SmallStep().norm());
+  EXPECT_EQ(fusion.contradictions(), 0);
+}
+
 TEST(DepthFusion, BelievesNoneOfThoseThatContradictEachOtherToo) {
   DepthFusion fusion;
   for (int k = 1; k <= 12; ++k) {

@@ -44,6 +44,20 @@ TEST(DepthKeyframes, ThePoseOfTheEventCameraIsFoundBesideItsPrediction) {
   EXPECT_EQ(keyframes.size(), 1U);
 }
 
+TEST(DepthKeyframes, AContradictionIsConfirmedWhereAlignmentsFromBothSidesEndAtOnePlace) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+  DepthKeyframes::View view = ViewAt(Rigid3::Translation({0.03, 0.01, 0}));
+  view.covariance = std::pow(0.001, 2) * Matrix6d::Identity();
+  const auto contradicts = keyframes.Align(ImageAt(Rigid3()), view);
+  ASSERT_TRUE(contradicts);
+  EXPECT_TRUE(contradicts->confirmed);
+  view.T_world_event = Rigid3();
+  const auto agrees = keyframes.Align(ImageAt(Rigid3()), view);
+  ASSERT_TRUE(agrees);
+  EXPECT_FALSE(agrees->confirmed) << "there is nothing to confirm";
+}
+
 TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   DepthKeyframes keyframes(DepthRig());
   // Tracking is 2 mm farther off with each step; each new keyframe takes that over.

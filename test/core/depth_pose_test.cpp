@@ -30,9 +30,14 @@ TEST(DepthPose, CorrectsAPoseTheMoreTheLessThatIsKnown) {
   EXPECT_LT(share(1e-4, 1e-3), 0.01);
 }
 
-TEST(DepthPose, DoesNotCorrectAPoseThatItContradicts) {
-  const Rigid3 corrected = Corrected(kPose, Known(1e-3), Seen(20 * kApart, 1e-3));
+TEST(DepthPose, DoesNotCorrectAPoseThatItContradictsUnlessItIsConfirmed) {
+  DepthPose depth = Seen(20 * kApart, 1e-3);
+  EXPECT_TRUE(depth.Contradicts(kPose, Known(1e-3)));
+  EXPECT_FALSE(depth.Contradicts(kPose, Known(1)));
+  const Rigid3 corrected = Corrected(kPose, Known(1e-3), depth);
   EXPECT_EQ(Log(kPose.inverse() * corrected).norm(), 0);
+  depth.confirmed = true;
+  EXPECT_LT(Log(depth.T_world_event.inverse() * Corrected(kPose, Known(1e-3), depth)).norm(), 1e-12);
 }
 
 TEST(DepthPose, DoesNotCorrectAlongDirectionsThatItLeavesOpen) {

@@ -28,6 +28,14 @@ TEST(MatchQuality, FindsNextToNothingBadHoweverUsual) {
   EXPECT_TRUE(quality.IsBad(0.1));
 }
 
+TEST(MatchQuality, WeighsPosesThatMatchLessThanUsualLess) {
+  const MatchQuality busy = Used(0.4);
+  const double usual = busy.usual_share();
+  EXPECT_EQ(busy.Weight(0.9), 1) << "none tells more than usual ones";
+  EXPECT_NEAR(busy.Weight(0.5 * usual), 0.25, 1e-9);
+  EXPECT_GT(busy.Weight(0), 0);
+}
+
 TEST(MatchQuality, CountsBadAndSuspiciousPosesUntilOneIsGood) {
   MatchQuality quality = Used(0.9);
   quality.Note(0.5);

@@ -247,12 +247,13 @@ void Swing(double seconds, const Reader& read, double delay_s, MotionFilter* fil
     if (read) filter->Advance(t_ns, read(SecondsFromNs(t_ns - kPeriod_ns / 2) - filter->delay_s()));
     const auto predicted = filter->Predict(t_ns);
     const Vector6d off = Vector6d::NullaryExpr([&] { return noise(random); });
-    const Matrix6d information = 1e8 * Matrix6d::Identity(), prior = predicted.covariance.inverse();
+    const Matrix6d information = 1e8 * Matrix6d::Identity(), prior = predicted.aligned_covariance.inverse();
     const Vector6d measured =
-        Log(predicted.T_world_event.inverse() * SwingAt(SecondsFromNs(t_ns) - delay_s) * Exp(off));
+        Log(predicted.T_world_aligned.inverse() * SwingAt(SecondsFromNs(t_ns) - delay_s) * Exp(off));
+    const Rigid3 T_world_aligned =
+        predicted.T_world_aligned * Exp(Vector6d((prior + information).inverse() * information * measured));
     filter->Update(t_ns,
-                   predicted.T_world_event * Exp(Vector6d((prior + information).inverse() * information * measured)),
-                   information, of_poses.variance_scale);
+                   MotionFilter::LikelihoodOf(predicted, T_world_aligned, information, 0, of_poses.variance_scale));
   }
 }
 

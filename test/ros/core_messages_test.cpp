@@ -232,6 +232,7 @@ TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
   pose.T_world_event = Rigid3(Eigen::Quaterniond(0.5, -0.5, 0.5, 0.5), {1, -2, 3});
   for (int i = 0; i < 36; ++i) pose.information(i / 6, i % 6) = i;
   pose.per_delay << 1, 2, 3, 4, 5, 6;
+  pose.confirmed = true;
   const auto bytes = Bytes(pose);
   const auto message = FromBytes<PoseByDepth>(bytes);
   EXPECT_EQ(message.stamp.toNSec(), 12'000'000'034U);
@@ -240,6 +241,7 @@ TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.T_world_event.position.z, 3);
   EXPECT_DOUBLE_EQ(message.information[1 * 6 + 2], 8);
   EXPECT_DOUBLE_EQ(message.per_delay[5], 6);
+  EXPECT_TRUE(message.confirmed);
   EXPECT_EQ(Bytes(FromBytes<DepthPose>(bytes)), bytes);
 }
 

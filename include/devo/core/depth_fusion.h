@@ -29,9 +29,9 @@ class DepthFusion {
     Vector6d moved;        ///< right perturbation of T_world_event to the most probable pose
     Matrix6d information;  ///< of the depth alone, on such a perturbation
   };
-  /// Depth poses in the order of their time. Empty where the two contradict each other, but for the third in a row that
-  /// does so alike; and one that leaves a direction open, and so cannot replace a doubtful pose, corrects it in the
-  /// others.
+  /// Depth poses in the order of their time. Empty where the two contradict each other, but for one that is confirmed
+  /// and the third in a row that does so alike; and one that leaves a direction open, and so cannot replace a doubtful
+  /// pose, corrects it in the others.
   std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
 
   /// Whether depth has seen the camera move since this time, from which on it is thought to stand: between two images

@@ -59,6 +59,8 @@ class DepthKeyframes {
   void TryOthers(const DepthCells& now, const View& view, Match* best) const;
   std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, const DepthCells& now, const View& view) const;
   DepthPose MakePose(const Match& match, const View& view) const;
+  /// Whether an alignment that contradicts the view's pose, in all directions, ends where one from the other side does.
+  bool IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now, const View& view) const;
   void Keep(DepthCells cells, const View& view);
   DepthContinuity::Verdict Judge(const Match& match, const DepthPose& pose, const View& view, std::int64_t t_ns);
 

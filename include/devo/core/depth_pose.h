@@ -18,6 +18,12 @@ struct DepthPose {
   /// How that perturbation grows per second by which depth images are later than thought, m/s and rad/s.
   Vector6d per_delay = Vector6d::Zero();
 
+  /// Where it contradicts the pose by events: aligned from that one's other side, too, the image comes to this place.
+  /// One that is aligned to a wrong place has stopped on its way from where it began.
+  bool confirmed = false;
+
+  /// Whether a pose with this covariance (of a right perturbation, m and rad) can hardly be the same.
+  bool Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const;
   /// False where a direction is open, as along a wall: there the pose is only what it was predicted to be.
   bool KnowsAllDirections() const;
   /// Projection of such a perturbation, in m and rad, on the directions that the image knows; the identity where it
@@ -26,7 +32,7 @@ struct DepthPose {
 };
 
 /// What tracking will make of a pose with this covariance (of a right perturbation, m and rad) once it has heard of the
-/// depth: a weighted mean, or the same where the two contradict each other.
+/// depth: a weighted mean. Where the two contradict each other the same, or the depth's if that is confirmed.
 Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth);
 
 }  // namespace devo

@@ -17,6 +17,9 @@ class MatchQuality {
   /// Clearly less than usual was: the pose may be a false one.
   bool IsSuspicious(double inlier_share) const;
 
+  /// How much a pose tells, 0 to 1: the less of it matches than usual, the more of what does may do so by chance.
+  double Weight(double inlier_share) const;
+
   /// For each pose, in turn, what of its points was matched, 0 to 1.
   void Note(double inlier_share);
 

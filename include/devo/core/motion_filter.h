@@ -69,6 +69,11 @@ class MotionFilter {
     Vector6d gradient;      ///< of half the squared error
     double shared;          ///< variance of the error that successive alignments share, over that of their own
     double variance_scale;  ///< as of Update
+    /// As if this share of what was aligned had told it.
+    void Weigh(double share) {
+      information *= share;
+      gradient *= share;
+    }
   };
   /// Of the alignment that found this pose together with that prediction.
   static Likelihood LikelihoodOf(const Prediction& predicted, const Rigid3& T_world_aligned,

@@ -39,6 +39,7 @@ struct TrackingIdeas {
   bool unmatched_cost = true;
   bool fine_alignment = true;
   bool weigh_events = true;
+  bool weigh_matches = true;
   bool shared_errors = true;
   bool calm_motion = true;
   bool motion_prior = true;
@@ -145,6 +146,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points without an edge cost as much as one at the truncation; false: nothing");
   visit("ablation.fine_alignment", tracking.fine_alignment,
         "once they lie near their edges, points are aligned again with half of the truncation; false: only once");
+  visit("ablation.weigh_matches", tracking.weigh_matches,
+        "poses that match less than usual count less; false: as those that match as usual");
   visit("ablation.weigh_events", tracking.weigh_events,
         "poses of few events count less against the motion so far; false: as those of many");
   visit("ablation.shared_errors", tracking.shared_errors,

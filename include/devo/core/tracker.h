@@ -109,6 +109,7 @@ class Tracker {
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   bool InertialFits() const;  // as far as is known
+  bool IsLed() const;         // by such a sensor or by depth, where events say little
   /// The last surface was predicted by an inertial sensor that fits.
   bool FollowsInertial() const;
   /// With the inertial sensor's readings, where there are any.

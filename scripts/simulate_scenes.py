@@ -100,7 +100,8 @@ class SceneDraw:
 def recordings(directory, count, seed):
     """Pairs of a name and the arguments of devo_simulate; writes their scenes."""
     draw = random.Random(seed)
-    for own_seed in range(FIRST_SEED + 100 * (seed - 1), FIRST_SEED + 100 * (seed - 1) + count):
+    first = FIRST_SEED + 100 * (seed - 1)
+    for own_seed in range(first, first + count):
         scene = SceneDraw(random.Random(own_seed))
         speed, light = draw.choice(['slow', 'mid', 'fast']), draw.choice(['bright', 'darkish', 'dim', 'dark', 'hdr'])
         sensor = draw.choices(['gen3', 'davis346', 'davis240'], [5, 5, 3])[0]
@@ -117,7 +118,6 @@ def main():
     parser.add_argument('--count', type=int, default=24)
     parser.add_argument('--seed', type=int, default=1)
     args = parser.parse_args()
-    os.makedirs(args.directory, exist_ok=True)
     simulated_set.simulate(args, recordings(args.directory, args.count, args.seed), 'scenes.txt')
 
 

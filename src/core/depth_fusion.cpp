@@ -63,6 +63,10 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
   return moved.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
 }
 
+bool DepthFusion::AgreedWithin(double span_s, std::int64_t t_ns) const {
+  return SecondsFromNs(t_ns - found_ns_) < span_s;
+}
+
 Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
   if (!agreed_) return Matrix6d::Zero();
   const double astray_m = kAstray_m_s * std::max(1e-2, SecondsFromNs(t_ns - agreed_->t_ns));

@@ -99,8 +99,7 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
 
 bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now,
                                  const View& view) const {
-  if (!pose.KnowsAllDirections()) return false;
-  if (!pose.Contradicts(view.T_world_event, view.covariance)) return false;
+  if (!pose.Contradicts(view.T_world_event, view.covariance) || !pose.KnowsAllDirections()) return false;
   View other_side = view;
   other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
   const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], now, other_side);

@@ -17,9 +17,9 @@ constexpr double kMaxNormalisedSquare = 16;
 }  // namespace
 
 Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth) {
+  if (depth.Contradicts(T_world_event, covariance)) return depth.confirmed ? depth.T_world_event : T_world_event;
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d apart = Log(T_world_event.inverse() * depth.T_world_event);
-  if (depth.Contradicts(T_world_event, covariance)) return depth.confirmed ? depth.T_world_event : T_world_event;
   const Matrix6d share = kCorrectedShare * covariance * depth.information;
   // (C^-1 + H)^-1 H, where both may be singular.
   return T_world_event * Exp((I + share).partialPivLu().solve(share * apart));

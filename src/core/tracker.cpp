@@ -230,7 +230,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
   const bool free = surface.still && !held_, may_move = free && unseen_s < kMaxCoast_s;
   // Depth that agrees measures the motion on, however long events are missing.
-  const bool by_depth = free && missing_ && SecondsFromNs(surface.t_ns - depth_fusion_.found_ns()) < kMaxCoast_s;
+  const bool by_depth = free && missing_ && depth_fusion_.AgreedWithin(kMaxCoast_s, surface.t_ns);
   missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && MayMoveUnseen(surface);
   coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
   if (!held_) held_since_ns_ = surface.t_edges_ns;
@@ -390,7 +390,7 @@ bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit()
 bool Tracker::FollowsInertial() const { return inertial_prior_ && InertialFits(); }
 
 bool Tracker::IsLed() const {
-  return FollowsInertial() || SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kDepthLeads_s;
+  return FollowsInertial() || depth_fusion_.AgreedWithin(kDepthLeads_s, motion_.time_ns());
 }
 
 MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
@@ -531,8 +531,7 @@ bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d
 
 bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result) {
   if (!options_.tracking.ideas.search) return false;
-  const double since_depth_s = SecondsFromNs(surface.t_edges_ns - depth_fusion_.found_ns());
-  if (FollowsInertial() && since_depth_s < kRulesOutSearch_s) return false;
+  if (FollowsInertial() && depth_fusion_.AgreedWithin(kRulesOutSearch_s, surface.t_edges_ns)) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
   const Matrix6d I = Matrix6d::Identity();
@@ -551,7 +550,7 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
 
 void Tracker::UpdateState(PoseEstimate* pose) {
   quality_.Note(pose->inlier_share);
-  const bool by_depth = SecondsFromNs(motion_.time_ns() - depth_fusion_.found_ns()) < kLostAfter_s;
+  const bool by_depth = depth_fusion_.AgreedWithin(kLostAfter_s, motion_.time_ns());
   const double bridged_s = motion_.knows_acceleration() ? kKnownLostAfter_s : kInertialLostAfter_s;
   if (quality_.bad_in_a_row() >= Surfaces(inertial_prior_ ? bridged_s : kLostAfter_s) && !by_depth) {
     state_ = TrackingState::kLost;

@@ -69,6 +69,12 @@ void ReadMat(IStream& stream, std::uint32_t height, std::uint32_t width, const c
   std::memcpy(mat.data, from, size * sizeof(T));
 }
 
+bool ReadBool(IStream& stream) {
+  std::uint8_t byte = 0;
+  stream.next(byte);
+  return byte != 0;
+}
+
 ros::Time ReadTime(IStream& stream) {
   ros::Time stamp;
   stream.next(stamp);
@@ -159,11 +165,7 @@ void ReadMessage(IStream& stream, Surface& surface) {
   stream.next(surface.activity_hz);
   stream.next(surface.window_s);
   stream.next(surface.events_used);
-  for (bool* flag : {&surface.still, &surface.maybe_noise, &surface.noise_goes_on}) {
-    std::uint8_t byte = 0;
-    stream.next(byte);
-    *flag = byte != 0;
-  }
+  for (bool* flag : {&surface.still, &surface.maybe_noise, &surface.noise_goes_on}) *flag = ReadBool(stream);
   ReadMatrix(stream, surface.turn_event);
 }
 
@@ -288,9 +290,7 @@ void ReadMessage(IStream& stream, DepthPose& pose) {
   pose.T_world_event = ReadPose(stream);
   ReadMatrix(stream, pose.information);
   ReadMatrix(stream, pose.per_delay);
-  std::uint8_t confirmed = 0;
-  stream.next(confirmed);
-  pose.confirmed = confirmed != 0;
+  pose.confirmed = ReadBool(stream);
 }
 
 template void WriteMessage(OStream&, const Surface&);

@@ -46,6 +46,8 @@ class DepthFusion {
   /// Of the last depth images in a row, those that leave a direction open not counted.
   int contradictions() const { return contradictions_; }
   std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
+  /// Whether that was less than `span_s` before this time.
+  bool AgreedWithin(double span_s, std::int64_t t_ns) const;
   const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: they are far apart
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.

@@ -803,11 +803,11 @@ TEST(Tracker, LeavesAnInertialSensorsPoseInAGapOfTheEventsOnlyForManyDepthImages
   see(63);
   pose = track(65, Still(65 * kPeriod_ns, 0));
   EXPECT_LT(ErrorOf(pose), 5e-3);
-  for (int k = 66; k <= 80; ++k) {
+  for (int k = 66; k <= 100; ++k) {
     see(k - 2);
     pose = track(k, Still(k * kPeriod_ns, 0));
   }
-  EXPECT_LT(Log((TrueAt(pose.t_ns) * off).inverse() * pose.T_world_event).norm(), 0.01);
+  EXPECT_LT(Log((TrueAt(pose.t_ns) * off).inverse() * pose.T_world_event).norm(), 5e-3);
 }
 
 TEST(Tracker, HoldsThePoseInAStandstillWhateverDepthsNoiseButNotAgainstAMotionThatItShows) {

@@ -21,23 +21,6 @@ constexpr float kSide_px = 2.5F;
 constexpr float kMaxSideShare = 0.6F;
 constexpr float kAnySide = 1e9F;  // no side is higher
 
-/// Integer 5-tap kernel (c, b, a, b, c) that sums to 16: its variance is (2 b + 8 c) / 16.
-std::array<int, 3> KernelFor(double sigma_px) {
-  std::array<int, 3> best = {16, 0, 0};
-  double best_error = 1e9;
-  for (int b = 0; b <= 5; ++b) {
-    for (int c = 0; c <= std::min(b, 2); ++c) {
-      const int a = 16 - 2 * (b + c);
-      const double error = std::abs((2.0 * b + 8.0 * c) / 16.0 - sigma_px * sigma_px);
-      if (a >= b && error < best_error) {
-        best_error = error;
-        best = {a, b, c};
-      }
-    }
-  }
-  return best;
-}
-
 /// Sums of five places, weighted by the kernel. 16-bit arithmetic, as many at once as registers hold: values stay below
 /// 4096, so sums below 65536.
 DEVO_ALWAYS_INLINE void WeightFive(const std::array<const std::uint16_t*, 5>& p, const std::array<int, 3>& kernel,
@@ -74,14 +57,6 @@ DEVO_AVX2 void BlurAvx2(const cv::Mat1w& in, const std::array<int, 3>& kernel, c
   BlurRows(in, kernel, scratch, out);
 }
 #endif
-
-/// Whether sixteen values in a row are all below `floor`. Values below 32768.
-inline bool NoneReaches(const std::uint16_t* p, std::int16_t floor) {
-  const auto reaches = [&](const std::uint16_t* q) {
-    return cv::v_reinterpret_as_s16(cv::v_load(q)) >= cv::v_setall_s16(floor);
-  };
-  return !cv::v_check_any(reaches(p) | reaches(p + 8));
-}
 
 /// Which of the sixteen values from `p` on, in an image whose rows are `stride` long, reach `floor` and are no less
 /// than both neighbours in one of the four directions: one bit each. Values below 32768.
@@ -298,37 +273,30 @@ void FindCrestsPortable(const cv::Mat1w& blurred, const SignedCounts& signed_eve
 
 }  // namespace
 
+std::array<int, 3> BlurKernel(double sigma_px) {
+  std::array<int, 3> best = {16, 0, 0};
+  double best_error = 1e9;
+  for (int b = 0; b <= 5; ++b) {
+    for (int c = 0; c <= std::min(b, 2); ++c) {
+      const int a = 16 - 2 * (b + c);
+      const double error = std::abs((2.0 * b + 8.0 * c) / 16.0 - sigma_px * sigma_px);
+      if (a >= b && error < best_error) {
+        best_error = error;
+        best = {a, b, c};
+      }
+    }
+  }
+  return best;
+}
+
 void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* out) {
-  const auto kernel = KernelFor(sigma_px);
+  const auto kernel = BlurKernel(sigma_px);
   scratch->create(kScratchRows, in.cols);
   out->create(in.size());
 #ifdef DEVO_AVX2
   if (HasAvx2()) return BlurAvx2(in, kernel, scratch, out);
 #endif
   BlurPortable(in, kernel, scratch, out);
-}
-
-int OccupiedQuantile(const cv::Mat1w& image, double quantile) {
-  constexpr int kBins = 512, kShift = 3;
-  std::array<int, kBins> histogram{};
-  for (int y = 2; y < image.rows; y += 4) {
-    const std::uint16_t* p = image[y];
-    for (int x = 0; x < image.cols;) {
-      // Most of the image is empty: step over sixteen pixels at a time. Bin 0 is not asked for.
-      while (x + 16 <= image.cols && NoneReaches(p + x, 1 << kShift)) x += 16;
-      for (const int until = std::min(x + 16, image.cols); x < until; ++x) {
-        ++histogram[std::min<int>(p[x] >> kShift, kBins - 1)];
-      }
-    }
-  }
-  int occupied = 0;
-  for (int bin = 1; bin < kBins; ++bin) occupied += histogram[bin];
-  int below = 0;
-  for (int bin = 1; bin < kBins; ++bin) {
-    below += histogram[bin];
-    if (below >= quantile * occupied) return bin << kShift;
-  }
-  return (kBins - 1) << kShift;
 }
 
 void FindCrests(const cv::Mat1w& blurred, const SignedCounts& signed_events, int threshold,

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "devo/core/apparent_turn.h"
+#include "devo/core/crest_threshold.h"
 #include "devo/core/crests.h"
 #include "devo/core/nearest_edge_field.h"
 #include "devo/core/noise_filter.h"
@@ -389,7 +390,8 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>
   surface->turn_event = of_events ? AsTurn(used.velocity, depth.median_m) : Eigen::Vector3d::Zero().eval();
   Accumulate(first, surface->t_edges_ns, used, scene);
   Blur(accumulated, options.blur_px, &scratch, &blurred);
-  const int threshold = OccupiedQuantile(blurred, options.crest_quantile);
+  const double noise_per_pixel = options.ideas.above_noise ? filter.passing_noise_hz() * surface->window_s : 0;
+  const int threshold = CrestThreshold(blurred, options.crest_quantile, noise_per_pixel, options.blur_px);
   FindCrests(blurred, accumulated_sign, threshold, &surface->edges, options.ideas.clear_crests);
   surface->nearest_edge.create(surface->image.size());
   BuildNearestEdgeField(surface->edges, options.truncation_px, &surface->nearest_edge);

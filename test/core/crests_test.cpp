@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/crests.h"
+#include "devo/core/crest_threshold.h"
 
 #include <algorithm>
 #include <cmath>
@@ -118,7 +119,7 @@ std::vector<EdgePoint> CrestsOfEvents(double share_on) {
   }
   Blur(accumulated, 1, &scratch, &blurred);
   std::vector<EdgePoint> crests;
-  FindCrests(blurred, signed_events, OccupiedQuantile(blurred, 0.7), &crests);
+  FindCrests(blurred, signed_events, CrestThreshold(blurred, 0.7, 0, 1), &crests);
   return crests;
 }
 
@@ -156,7 +157,7 @@ std::vector<EdgePoint> CrestsOfTexture(const Mean& mean) {
   }
   Blur(accumulated, 1, &scratch, &blurred);
   std::vector<EdgePoint> crests;
-  FindCrests(blurred, {}, OccupiedQuantile(blurred, 0.45), &crests);
+  FindCrests(blurred, {}, CrestThreshold(blurred, 0.45, 0, 1), &crests);
   return crests;
 }
 
@@ -215,16 +216,6 @@ TEST(Blur, KeepsAConstantAndMakesTheOutermostTwoPixelsZero) {
       }
     }
   }
-}
-
-TEST(OccupiedQuantile, CountsOnlyPixelsThatAreNotZero) {
-  cv::Mat1w image(40, 80, std::uint16_t{0});
-  for (int y = 0; y < image.rows; ++y) {
-    for (int x = 0; x < 40; ++x) image(y, x) = static_cast<std::uint16_t>(8 * (x + 1));
-  }
-  EXPECT_EQ(OccupiedQuantile(image, 0.25), 80);
-  EXPECT_EQ(OccupiedQuantile(image, 0.5), 160);
-  EXPECT_EQ(OccupiedQuantile(image, 1), 320);
 }
 
 }  // namespace

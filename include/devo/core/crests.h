@@ -4,6 +4,7 @@
 // of the paper's thresholded region (Steger, "An unbiased detector of curvilinear structures", PAMI 1998).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -19,12 +20,13 @@ constexpr int kEventWeight = 64;
 /// ON minus OFF events per pixel, held at the ends of their range.
 using SignedCounts = cv::Mat_<std::int8_t>;
 
-/// Blurs with a 5-tap binomial-like kernel of standard deviation `sigma_px` (at most 1.2), values below 4096.
-/// `out` gets the size of `in`; the outermost two pixels are 0.
-void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* out);
+/// Integer 5-tap kernel (c, b, a, b, c), as {a, b, c}, that sums to 16, of a standard deviation near `sigma_px` (at
+/// most 1.2): its variance is (2 b + 8 c) / 16.
+std::array<int, 3> BlurKernel(double sigma_px);
 
-/// The value below which a share `quantile` of the non-zero pixels lies (every fourth row is looked at).
-int OccupiedQuantile(const cv::Mat1w& image, double quantile);
+/// Blurs with that kernel in both directions, values below 4096. `out` gets the size of `in`; the outermost two pixels
+/// are 0.
+void Blur(const cv::Mat1w& in, double sigma_px, cv::Mat1w* scratch, cv::Mat1w* out);
 
 /// Ridge points of `blurred` above `threshold`: the second derivative across the ridge is negative and its
 /// extremum lies within 0.6 px of the pixel. `signed_events` (not blurred) gives the polarity and

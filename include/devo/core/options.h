@@ -17,6 +17,7 @@ struct SurfaceIdeas {
   bool mean_time = true;
   bool depth_grid = true;
   bool clear_crests = true;
+  bool above_noise = true;
 };
 
 struct MappingIdeas {
@@ -115,6 +116,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "events are moved with the depth of their place; false: with the scene's median");
   visit("ablation.clear_crests", surface.clear_crests,
         "a crest stands out from both its sides; false: any ridge is an edge");
+  visit("ablation.above_noise", surface.above_noise,
+        "crests are higher than noise alone makes them; false: above crest_quantile only");
   auto& mapping = o.mapping.ideas;
   visit("ablation.depth_of_rest", mapping.depth_of_rest,
         "the first map may be of the depth image of the rest before; false: it waits for one of the motion");

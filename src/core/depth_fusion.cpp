@@ -15,7 +15,6 @@ namespace {
 
 // Depth errs alike for about this long: images that follow each other sooner count for less.
 constexpr double kAlike_s = 0.1;
-constexpr double kOpen_m = 1;  // in directions that depth leaves open, also in radians
 constexpr double kMaxNormalisedSquare = 16;
 constexpr double kMaxDelay_s = 0.05;
 constexpr double kPast_s = 1;
@@ -48,7 +47,6 @@ void DepthFusion::NoteVelocity(const DepthPose& depth) {
   }
   velocity_since_ns_ = last_ ? last_->t_ns : depth.t_ns;
   last_ = depth;
-  if (!depth.KnowsAllDirections()) return;
   past_.push_back(depth);
   while (SecondsFromNs(depth.t_ns - past_.front().t_ns) > kPast_s) past_.pop_front();
 }
@@ -58,13 +56,17 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
       std::find_if(past_.begin(), past_.end(), [t_ns](const DepthPose& pose) { return pose.t_ns > t_ns; });
   if (first == past_.end() || first + 1 == past_.end()) return false;
   const Vector6d moved = Log(first->T_world_event.inverse() * past_.back().T_world_event);
-  const Matrix6d I = Matrix6d::Identity();
-  const Matrix6d covariance = first->information.ldlt().solve(I) + past_.back().information.ldlt().solve(I);
-  return moved.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
+  const Matrix6d covariance = first->Covariance() + past_.back().Covariance();
+  const Vector6d known = first->KnownDirections() * past_.back().KnownDirections() * moved;
+  return known.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
 }
 
 bool DepthFusion::AgreedWithin(double span_s, std::int64_t t_ns) const {
   return SecondsFromNs(t_ns - found_ns_) < span_s;
+}
+
+bool DepthFusion::AgreedInPartWithin(double span_s, std::int64_t t_ns) const {
+  return agreed_ && SecondsFromNs(t_ns - agreed_->t_ns) < span_s;
 }
 
 Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
@@ -100,7 +102,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d residual = Log(estimate.T_world_event.inverse() * depth.T_world_event);
   const Vector6d& per_delay = depth.per_delay;
-  const Matrix6d alone = (depth.information + I / (kOpen_m * kOpen_m)).ldlt().solve(I);
+  const Matrix6d alone = depth.Covariance();
   delay_variance_ += kDelayWalk_s * kDelayWalk_s * since_s;
   const Matrix6d rest = delay_variance_ * per_delay * per_delay.transpose();
   const Matrix6d stated = estimate.covariance + alone + rest;

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/depth_pose.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 namespace devo {
 namespace {
 
-constexpr double kLeast = 1;  // in m and rad: what is known is known to centimetres, of the rest there is nothing
+constexpr double kOpen_m = 1;  // in directions that depth leaves open, also in radians
+constexpr double kLeast = 1;   // in m and rad: what is known is known to centimetres, of the rest there is nothing
 
 // Of the variance that is stated of a pose. What errs alike in image after image is in it, too: taken for all of it, a
 // full turn would drift as depth alone does.
@@ -26,8 +28,13 @@ Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const 
 }
 
 bool DepthPose::Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const {
-  const Matrix6d alone = (information + Matrix6d::Identity()).inverse();
-  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + alone) > kMaxNormalisedSquare;
+  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + Covariance()) >
+         kMaxNormalisedSquare;
+}
+
+Matrix6d DepthPose::Covariance() const {
+  const Matrix6d I = Matrix6d::Identity();
+  return (information + I / (kOpen_m * kOpen_m)).ldlt().solve(I);
 }
 
 bool DepthPose::KnowsAllDirections() const {

@@ -228,7 +228,8 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
-  const bool free = surface.still && !held_, may_move = free && unseen_s < kMaxCoast_s;
+  const bool free = surface.still && !held_;
+  const bool may_move = free && (unseen_s < kMaxCoast_s || TurnsUnseen(surface.t_edges_ns));
   // Depth that agrees measures the motion on, however long events are missing.
   const bool by_depth = free && missing_ && depth_fusion_.AgreedWithin(kMaxCoast_s, surface.t_ns);
   missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && MayMoveUnseen(surface);
@@ -397,6 +398,16 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
   Advance(t_ns, &ahead);
   return ahead.Predict(t_ns);
+}
+
+bool Tracker::TurnsUnseen(std::int64_t t_ns) const {
+  if (!InertialFits() || t_ns <= motion_.time_ns() || !Inertial(motion_, t_ns)) return false;
+  // Of where it is meanwhile, depth says enough.
+  if (!depth_fusion_.AgreedInPartWithin(kMaxCoast_s, t_ns)) return false;
+  const auto now = PredictAt(t_ns);
+  const Eigen::Vector3d turn = now.velocity_event.tail<3>();
+  const Eigen::Matrix3d covariance = now.velocity_covariance.bottomRightCorner<3, 3>();
+  return turn.dot(covariance.ldlt().solve(turn)) > kInertialClearlyMoving;
 }
 
 bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {

@@ -23,6 +23,12 @@ DepthFusion::Estimate EstimateAt(const Rigid3& T_world_event, double sigma = 1e-
   return {T_world_event, sigma * sigma * Matrix6d::Identity()};
 }
 
+/// That says nothing of where along x the camera is.
+DepthPose OpenAlongX(DepthPose pose) {
+  pose.information(0, 0) = 0;
+  return pose;
+}
+
 Vector6d SmallStep() { return (Vector6d() << 1e-3, -5e-4, 8e-4, 3e-4, 5e-4, -2e-4).finished(); }
 
 TEST(DepthFusion, MovesThePoseByTheShareThatTheTwoCertaintiesSay) {
@@ -102,15 +108,30 @@ TEST(DepthFusion, SeesMotionSinceATimeInTwoImagesOfThen) {
   EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "one image of then, whatever the one before shows";
   fusion.Correct(PoseAt(4 * kPeriod_ns, Exp(SmallStep())), EstimateAt(Rigid3()));
   EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "within noise";
-  DepthPose open = PoseAt(5 * kPeriod_ns, far);
-  open.information(0, 0) = 0;
-  fusion.Correct(open, EstimateAt(Rigid3()));
-  EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "of an image that leaves a direction open";
+  fusion.Correct(OpenAlongX(PoseAt(5 * kPeriod_ns, Rigid3::Translation({0.1, 0, 0}))), EstimateAt(Rigid3()));
+  EXPECT_FALSE(fusion.SawMotionSince(2 * kPeriod_ns)) << "in a direction that an image leaves open";
   fusion.Correct(PoseAt(6 * kPeriod_ns, near), EstimateAt(Rigid3()));
   EXPECT_TRUE(fusion.SawMotionSince(2 * kPeriod_ns));
   EXPECT_FALSE(fusion.SawMotionSince(5 * kPeriod_ns));
   fusion.Reset();
   EXPECT_FALSE(fusion.SawMotionSince(0));
+}
+
+TEST(DepthFusion, SeesMotionInTheDirectionsThatItKnowsWhereItLeavesOneOpen) {
+  DepthFusion fusion;
+  for (int k = 1; k <= 2; ++k) {
+    fusion.Correct(OpenAlongX(PoseAt(k * kPeriod_ns, Rigid3::Translation({0, 0.01 * k, 0}))), EstimateAt(Rigid3()));
+  }
+  EXPECT_TRUE(fusion.SawMotionSince(0));
+}
+
+TEST(DepthFusion, TellsAnAgreementInAllDirectionsFromOneInPart) {
+  DepthFusion fusion;
+  EXPECT_FALSE(fusion.AgreedInPartWithin(1, kPeriod_ns));
+  fusion.Correct(OpenAlongX(PoseAt(100 * kPeriod_ns, Rigid3())), EstimateAt(Rigid3()));
+  EXPECT_TRUE(fusion.AgreedInPartWithin(0.1, 102 * kPeriod_ns));
+  EXPECT_FALSE(fusion.AgreedInPartWithin(0.1, 110 * kPeriod_ns));
+  EXPECT_FALSE(fusion.AgreedWithin(0.1, 102 * kPeriod_ns));
 }
 
 TEST(DepthFusion, TakesLittleMotionForASensorThatWarmsUp) {

@@ -785,6 +785,30 @@ TEST(Tracker, GoesOnByDepthForAsLongAsEventsAreMissing) {
   }
 }
 
+TEST(Tracker, IsNotHeldWhileAGyroscopeSeesItTurnAndDepthAgreesBeItInPart) {
+  const auto error_after = [](double seconds, bool with_depth) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 100 + 100 * seconds; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns, image_ns = t_ns - 2 * kPeriod_ns;
+      for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+      Surface surface = k <= 100 ? Seen(t_ns, TrueAt(t_ns)) : Still(t_ns, 0.1);
+      // In the end as few as noise makes: no sudden end.
+      surface.activity_hz = k <= 100 ? std::max(0.2, 0.1 * (100 - k)) : 0.1;
+      DepthPose depth = ByDepth(image_ns, TrueAt(image_ns));
+      depth.information(0, 0) = 0;
+      if (with_depth && k > 10 && k % 3 == 0) tracker.AddDepthPose(depth);
+      pose = tracker.Track(surface);
+    }
+    return (pose->T_world_event.inverse() * TrueAt(pose->t_ns))
+        .rotation()
+        .angularDistance(Eigen::Quaterniond(1, 0, 0, 0));
+  };
+  EXPECT_LT(error_after(1.8, true), 0.01);
+  EXPECT_GT(error_after(1.8, false), 0.1) << "where it is meanwhile nothing would tell: it is held";
+}
+
 TEST(Tracker, LeavesAnInertialSensorsPoseInAGapOfTheEventsOnlyForManyDepthImages) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());

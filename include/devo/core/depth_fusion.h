@@ -35,7 +35,7 @@ class DepthFusion {
   std::optional<Correction> Correct(const DepthPose& depth, const Estimate& estimate);
 
   /// Whether depth has seen the camera move since this time, from which on it is thought to stand: between two images
-  /// of then, which err alike. False until there are two.
+  /// of then, which err alike, in the directions that both know. False until there are two.
   bool SawMotionSince(std::int64_t t_ns) const;
 
   /// Where the pose at `t_ns`, later than the last image that agreed, may be for all that this image says: information
@@ -48,6 +48,8 @@ class DepthFusion {
   std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
   /// Whether that was less than `span_s` before this time.
   bool AgreedWithin(double span_s, std::int64_t t_ns) const;
+  /// The same of the last that agreed in the directions that it knows, be it not all.
+  bool AgreedInPartWithin(double span_s, std::int64_t t_ns) const;
   const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: they are far apart
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.
@@ -72,7 +74,7 @@ class DepthFusion {
   Vector6d contradicted_ = Vector6d::Zero();  // residual of the last
   std::int64_t found_ns_ = 0;
   std::optional<DepthPose> last_, agreed_;  // agreed_: the last that did not contradict
-  std::deque<DepthPose> past_;              // of the last moment, that know all directions
+  std::deque<DepthPose> past_;              // of the last moment
   Vector6d velocity_ = Vector6d::Zero();
   std::int64_t velocity_since_ns_ = 0;
   ErrorScale error_scale_;

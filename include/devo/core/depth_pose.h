@@ -24,6 +24,9 @@ struct DepthPose {
 
   /// Whether a pose with this covariance (of a right perturbation, m and rad) can hardly be the same.
   bool Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const;
+  /// Of a right perturbation [rho; phi] (m, rad) of T_world_event; 1 m and rad in directions that the image leaves
+  /// open.
+  Matrix6d Covariance() const;
   /// False where a direction is open, as along a wall: there the pose is only what it was predicted to be.
   bool KnowsAllDirections() const;
   /// Projection of such a perturbation, in m and rad, on the directions that the image knows; the identity where it

@@ -114,6 +114,8 @@ class Tracker {
   bool FollowsInertial() const;
   /// With the inertial sensor's readings, where there are any.
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
+  /// However long events are missing: a gyroscope sees a clear turn, and depth has agreed a moment ago.
+  bool TurnsUnseen(std::int64_t t_ns) const;
   /// By what is known of its velocity, not by events.
   bool IsMoving(std::int64_t t_ns, double unseen_s);
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);

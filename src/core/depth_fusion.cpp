@@ -33,6 +33,8 @@ constexpr double kAstray_m_s = 1;
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of a velocity
 // that events alone tell last until depth mends them.
 constexpr double kStatedGuided = 0.3, kStatedAlone = 0.2;
+// What depth errs alike in image after image is not averaged, however many there are in a second.
+constexpr double kUsualPeriod_s = 0.2, kPeriodExponent = 0.2, kLeastPeriod_s = 0.02, kForgetsPeriod_s = 1;
 constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthAlone = 0.5;
 // How events and depth come apart is known from few moments: by itself it says half of what it seems to, as a power.
 constexpr double kErrorExponent = 0.5;
@@ -77,7 +79,7 @@ Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
 
 double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
   const double apart = std::pow(error_scale_.variance_scale(), kErrorExponent);
-  if (guided) return kStatedGuided * apart;
+  if (guided) return kStatedGuided * apart * std::pow(kUsualPeriod_s / period_s_, kPeriodExponent);
   const double since_s = std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s);
   return kStatedAlone * apart * std::pow(1 + since_s / kAgrees_s, kGrowthAlone);
 }
@@ -94,6 +96,11 @@ void DepthFusion::NoteContradiction(std::int64_t t_ns, bool contradicts, const V
   alike_in_a_row_ = alike ? alike_in_a_row_ + 1 : 1;
   contradicted_ns_ = t_ns;
   contradicted_ = residual;
+}
+
+void DepthFusion::NotePeriod(double since_s) {
+  const double share = std::min(1.0, since_s / kForgetsPeriod_s);
+  period_s_ += share * (std::clamp(since_s, kLeastPeriod_s, kForgetsPeriod_s) - period_s_);
 }
 
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
@@ -121,6 +128,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   // Such a pose is as wrong as depth says, in the directions that depth knows.
   const Matrix6d covariance = std::max(1.0, square / kMaxNormalisedSquare) * estimate.covariance;
   agreed_ = depth;
+  NotePeriod(since_s);
   if (knows_all) found_ns_ = depth.t_ns;
 
   Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;

@@ -58,6 +58,9 @@ constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
+// An inertial sensor averages what each alignment errs by itself: errors of poses that it guides grow less than by how
+// far points miss their edges.
+constexpr double kGuidedExponent = 0.7;
 constexpr double kMaxCoast_s = 1;
 // Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
 // trusted that may be an error of a camera at rest.
@@ -333,8 +336,9 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
 }
 
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
-  Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), FollowsInertial()) *
-                        residual_scale_.variance_scale() * now.covariance;
+  const bool guided = FollowsInertial();
+  const double by_residuals = std::pow(residual_scale_.variance_scale(), guided ? kGuidedExponent : 1);
+  Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), guided) * by_residuals * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * motion_.delay_s(), 2)

@@ -199,6 +199,18 @@ TEST(DepthFusion, StatesLargerErrorsTheLongerNoDepthHasAgreedUnlessAnInertialSen
   EXPECT_EQ(fusion.VarianceScale(0, false), fusion.VarianceScale(kPeriod_ns, false)) << "of a pose before the image";
 }
 
+TEST(DepthFusion, StatesLargerErrorsOfGuidedPosesTheMoreImagesErrAlike) {
+  const auto stated = [](std::int64_t period_ns) {
+    DepthFusion fusion;
+    // Such say nothing of how events and depth come apart.
+    for (int k = 1; k <= 200; ++k) fusion.Correct(OpenAlongX(PoseAt(k * period_ns, Rigid3())), EstimateAt(Rigid3()));
+    return fusion.VarianceScale(200 * period_ns, true);
+  };
+  EXPECT_NEAR(stated(33'000'000) / stated(200'000'000), std::pow(200.0 / 33, 0.2), 0.02);
+  EXPECT_NEAR(stated(200'000'000) / stated(1'000'000'000), std::pow(5, 0.2), 0.02);
+  EXPECT_EQ(stated(1'000'000'000), stated(3'000'000'000)) << "a gap is no rate";
+}
+
 TEST(DepthFusion, StatesLargerErrorsWhereEventsAndDepthComeApartMore) {
   const auto scale = [](double step) {
     DepthFusion fusion;

@@ -54,8 +54,8 @@ class DepthFusion {
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much depth images are later than their stamps say, s.
   double delay_s() const { return delay_s_; }
-  /// Squared errors of poses at this time over what is stated of them, by how events and depth come apart and, unless
-  /// an inertial sensor guides them, by how long no depth has agreed.
+  /// Squared errors of poses at this time over what is stated of them, by how events and depth come apart and, where an
+  /// inertial sensor guides them, by how often depth comes, else by how long none has agreed.
   double VarianceScale(std::int64_t t_ns, bool guided) const;
 
   void Reset() { *this = DepthFusion(); }
@@ -64,6 +64,8 @@ class DepthFusion {
   static constexpr double kDelaySigma_s = 0.01;
 
   void NoteVelocity(const DepthPose& depth);
+  /// `since_s`: since the last image that agreed.
+  void NotePeriod(double since_s);
   /// `residual`: from the pose by events to that by depth, of this covariance as far as depth goes.
   void NoteContradiction(std::int64_t t_ns, bool contradicts, const Vector6d& residual, const Matrix6d& covariance);
 
@@ -77,6 +79,7 @@ class DepthFusion {
   std::deque<DepthPose> past_;              // of the last moment
   Vector6d velocity_ = Vector6d::Zero();
   std::int64_t velocity_since_ns_ = 0;
+  double period_s_ = 0.2;  // of images that agree, lately
   ErrorScale error_scale_;
 };
 

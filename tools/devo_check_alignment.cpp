@@ -24,6 +24,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "devo/core/camera.h"
+#include "devo/core/crest_threshold.h"
 #include "devo/core/crests.h"
 #include "devo/core/nearest_edge_field.h"
 #include "devo/core/rig.h"
@@ -36,7 +37,8 @@
 namespace devo {
 namespace {
 
-constexpr double kSearch_px = 5;   // farther silhouettes have no edge of their own
+constexpr double kSearch_px = 5;  // farther silhouettes have no edge of their own
+constexpr double kBlur_px = 1;
 constexpr double kSigma_px = 1.5;  // of a good fit: calibration, the silhouettes of depth, crests
 constexpr double kMaxHalfWindow_s = 0.015;
 constexpr double kEventShare = 0.12;  // of the pixels, per window: edges are thin, and whole
@@ -104,8 +106,8 @@ class CrestFit {
  public:
   explicit CrestFit(const cv::Mat1w& events) {
     cv::Mat1w scratch, blurred;
-    Blur(events, 1.0, &scratch, &blurred);
-    FindCrests(blurred, SignedCounts(), OccupiedQuantile(blurred, 0.7), &surface_.edges);
+    Blur(events, kBlur_px, &scratch, &blurred);
+    FindCrests(blurred, SignedCounts(), CrestThreshold(blurred, 0.7, 0, kBlur_px), &surface_.edges);
     surface_.nearest_edge.create(events.size());
     BuildNearestEdgeField(surface_.edges, kSearch_px, &surface_.nearest_edge);
   }

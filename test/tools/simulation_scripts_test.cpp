@@ -126,5 +126,27 @@ TEST_F(SimulationScript, OfScenesDrawsRoomsInWhichNothingIsWhereTheCameraMoves) 
   }
 }
 
+TEST_F(SimulationScript, OfNoisierRecordingsUnpacksWhatIsMissingAndNamesWhatItDoesNotFind) {
+  const std::string script = DEVO_SOURCE_DIR "/scripts/unpack_noisier.sh ", shared = PathOf("shared");
+  const auto run = [&](const std::string& arguments) { return std::system((script + arguments).c_str()); };
+  EXPECT_NE(run(shared + " " + PathOf("noisier") + " 2> " + PathOf("error")), 0);
+  EXPECT_EQ(Lines("error").at(0), shared + "/recording.py: not there, expected the script that unpacks recordings");
+  ASSERT_EQ(std::system(("mkdir -p " + shared).c_str()), 0);
+  std::ofstream(shared + "/recording.py") << "import sys\nopen(sys.argv[3], 'w')\nopen('" << PathOf("asked")
+                                          << "', 'a').write(' '.join(sys.argv) + '\\n')\n";
+  ASSERT_EQ(run(shared + " " + PathOf("noisier")), 0);
+  ASSERT_EQ(run(shared + " " + PathOf("noisier")), 0);
+  const auto table = Lines("noisier/noisier.txt");
+  EXPECT_EQ(table.size(), 30U);
+  EXPECT_EQ(Lines("asked").size(), 30U) << "those that were missing";
+  for (const std::string& row : table) {
+    std::istringstream words(row);
+    const std::vector<std::string> columns{std::istream_iterator<std::string>(words), {}};
+    ASSERT_EQ(columns.size(), 3U) << row;
+    EXPECT_TRUE(std::ifstream(DEVO_SOURCE_DIR "/" + columns[1])) << row;
+    EXPECT_TRUE(std::ifstream(PathOf("noisier/" + columns[2]))) << row;
+  }
+}
+
 }  // namespace
 }  // namespace devo

@@ -236,7 +236,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   // Depth that agrees measures the motion on, however long events are missing.
   const bool by_depth = free && missing_ && depth_fusion_.AgreedWithin(kMaxCoast_s, surface.t_ns);
   missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && MayMoveUnseen(surface);
-  coasting_ = missing_ || (may_move && IsMoving(surface.t_edges_ns, unseen_s));
+  coasting_ = missing_ || (may_move && IsMoving(surface, unseen_s));
   if (!held_) held_since_ns_ = surface.t_edges_ns;
   if (std::exchange(held_, surface.still && !coasting_) && !surface.still) LeaveRest();
   if (surface.t_edges_ns > motion_.time_ns()) {
@@ -414,7 +414,8 @@ bool Tracker::TurnsUnseen(std::int64_t t_ns) const {
   return turn.dot(covariance.ldlt().solve(turn)) > kInertialClearlyMoving;
 }
 
-bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
+bool Tracker::IsMoving(const Surface& surface, double unseen_s) {
+  const std::int64_t t_ns = surface.t_edges_ns;
   if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
   const auto now = PredictAt(t_ns);
   const double flow_px_s = Flow(now.velocity_event);
@@ -422,10 +423,10 @@ bool Tracker::IsMoving(std::int64_t t_ns, double unseen_s) {
   if (activity_.RulesOutMotion() && !motion_.knows_acceleration()) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
-  // inertial sensor has seen it slow down.
+  // inertial sensor has seen it slow down. Where noise shows that no events are missing, it must be sure of that.
   if (InertialFits() && Inertial(motion_, t_ns)) {
     return MovesClearly(now, motion_.knows_acceleration() ? kKnownMoving : kInertialClearlyMoving) ||
-           (!unseen_long && !IsBelow(now.velocity_event, kInertialStopping_m_s));
+           (!unseen_long && !surface.noise_goes_on && !IsBelow(now.velocity_event, kInertialStopping_m_s));
   }
   return MovesClearly(now, activity_.WouldShow(flow_px_s) ? kClearlyMoving : kHiddenMoving) &&
          !(unseen_long && IsBelow(now.velocity_event, kSlow_m_s));

@@ -427,6 +427,27 @@ TEST(Tracker, TakesAnEndOfTheEventsForAStopWhereNoiseGoesOn) {
   EXPECT_LT(Log(TrueAt(kNow_ns).inverse() * pose->T_world_event).norm(), 0.02);  // 0.07 of which it coasts on
 }
 
+TEST(Tracker, IsHeldAtOnceWhereNoiseGoesOnAndAnInertialSensorIsNotSureOfAVelocity) {
+  const auto moved_m = [](bool noise_goes_on) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    Rigid3 before;
+    for (int k = 1; k <= 70; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      for (int i = -4; i <= 0; ++i) tracker.AddImu(ReadAlongX(t_ns + i * kPeriod_ns / 5, 0));
+      Surface surface = k <= 60 ? Seen(t_ns, Rigid3::Translation({0.011 * SecondsFromNs(t_ns), 0, 0})) : Still(t_ns);
+      surface.activity_hz = k <= 60 ? 0.2 : 0.01;
+      surface.noise_goes_on = noise_goes_on;
+      pose = tracker.Track(surface);
+      if (k == 60) before = pose->T_world_event;
+    }
+            return (before.inverse() * pose->T_world_event).translation().norm();
+  };
+  EXPECT_LT(moved_m(true), 1e-5);
+  EXPECT_GT(moved_m(false), 5e-4);
+}
+
 TEST(Tracker, GoesOnWhenEventsComeBackAfterAGap) {
   const auto tracker = Moving();
   for (int k = 1; k <= 20; ++k) tracker->Track(Still(kNow_ns + k * kPeriod_ns));

@@ -116,8 +116,8 @@ class Tracker {
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
   /// However long events are missing: a gyroscope sees a clear turn, and depth has agreed a moment ago.
   bool TurnsUnseen(std::int64_t t_ns) const;
-  /// By what is known of its velocity, not by events.
-  bool IsMoving(std::int64_t t_ns, double unseen_s);
+  /// By what is known of its velocity, not by events, of which the surface has too few since `unseen_s`.
+  bool IsMoving(const Surface& surface, double unseen_s);
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   /// `covariance`: of the predicted pose.

@@ -442,7 +442,7 @@ TEST(Tracker, IsHeldAtOnceWhereNoiseGoesOnAndAnInertialSensorIsNotSureOfAVelocit
       pose = tracker.Track(surface);
       if (k == 60) before = pose->T_world_event;
     }
-            return (before.inverse() * pose->T_world_event).translation().norm();
+    return (before.inverse() * pose->T_world_event).translation().norm();
   };
   EXPECT_LT(moved_m(true), 1e-5);
   EXPECT_GT(moved_m(false), 5e-4);

@@ -8,10 +8,10 @@
 # scripts/evaluate_recordings.py. k30_n10: 30 % of the events are kept, 10 Hz per pixel are added.
 set -euo pipefail
 [ $# -eq 2 ] || { echo "usage: $0 SHARED_DATA DIR" >&2; exit 2; }
-unpack=$1/recording.py
+shared=$1 folder=$2 unpack=$1/recording.py
 [ -f "$unpack" ] || { echo "$unpack: not there, expected the script that unpacks recordings" >&2; exit 2; }
-mkdir -p "$2"
-: > "$2/noisier.txt"
+mkdir -p "$folder"
+: > "$folder/noisier.txt"
 
 unpack_kind() {  # kind, share of events kept, latency (us), noise (Hz per pixel), share of hot pixels, seed
   local name configuration bag
@@ -28,7 +28,6 @@ unpack_kind() {  # kind, share of events kept, latency (us), noise (Hz per pixel
   done
 }
 
-shared=$1 folder=$2
 unpack_kind k50_n5 .5 1000 5 .002 21
 unpack_kind k60_n10 .6 800 10 .001 22
 unpack_kind k40_n6 .4 1200 6 .005 23

@@ -18,8 +18,7 @@ constexpr int kBins = 512, kShift = 3;  // of heights
 constexpr double kMostOfNoise = 0.05;
 // Where noise is all there is, the highest are kept still.
 constexpr double kMostLeftOut = 0.95;
-constexpr int kHeights = 256;  // that scattered events reach: four at one place, without blur
-constexpr int kMostAtOnePlace = 4;
+constexpr int kMostAtOnePlace = 4, kHeights = kMostAtOnePlace * kEventWeight;  // of scattered events, without blur
 
 /// Whether sixteen values in a row are all below `floor`. Values below 32768.
 inline bool NoneReaches(const std::uint16_t* p, std::int16_t floor) {

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
@@ -104,8 +103,7 @@ bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, cons
   other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
   const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], now, other_side);
   if (!again) return false;
-  const Matrix6d covariance = pose.information.ldlt().solve(Matrix6d::Identity());
-  return !MakePose({match.keyframe, *again}, other_side).Contradicts(pose.T_world_event, covariance);
+  return !MakePose({match.keyframe, *again}, other_side).Contradicts(pose.T_world_event, pose.Covariance());
 }
 
 void DepthKeyframes::Keep(DepthCells cells, const View& view) {

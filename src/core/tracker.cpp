@@ -394,6 +394,8 @@ bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit()
 
 bool Tracker::FollowsInertial() const { return inertial_prior_ && InertialFits(); }
 
+bool Tracker::InertialLeadsTo(std::int64_t t_ns) const { return InertialFits() && Inertial(motion_, t_ns); }
+
 bool Tracker::IsLed() const {
   return FollowsInertial() || depth_fusion_.AgreedWithin(kDepthLeads_s, motion_.time_ns());
 }
@@ -405,9 +407,9 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 }
 
 bool Tracker::TurnsUnseen(std::int64_t t_ns) const {
-  if (!InertialFits() || t_ns <= motion_.time_ns() || !Inertial(motion_, t_ns)) return false;
   // Of where it is meanwhile, depth says enough.
   if (!depth_fusion_.AgreedInPartWithin(kMaxCoast_s, t_ns)) return false;
+  if (t_ns <= motion_.time_ns() || !InertialLeadsTo(t_ns)) return false;
   const auto now = PredictAt(t_ns);
   const Eigen::Vector3d turn = now.velocity_event.tail<3>();
   const Eigen::Matrix3d covariance = now.velocity_covariance.bottomRightCorner<3, 3>();
@@ -424,7 +426,7 @@ bool Tracker::IsMoving(const Surface& surface, double unseen_s) {
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down. Where noise shows that no events are missing, it must be sure of that.
-  if (InertialFits() && Inertial(motion_, t_ns)) {
+  if (InertialLeadsTo(t_ns)) {
     return MovesClearly(now, motion_.knows_acceleration() ? kKnownMoving : kInertialClearlyMoving) ||
            (!unseen_long && !surface.noise_goes_on && !IsBelow(now.velocity_event, kInertialStopping_m_s));
   }

@@ -46,6 +46,10 @@ class SimulationScript : public ::testing::Test {
     for (std::string line; std::getline(file, line);) lines.push_back(line);
     return lines;
   }
+  static std::vector<std::string> Columns(const std::string& row) {
+    std::istringstream words(row);
+    return {std::istream_iterator<std::string>(words), {}};
+  }
 
  private:
   std::string folder_ = ::testing::TempDir() + "simulation_scripts_test_" + std::to_string(getpid());
@@ -62,8 +66,7 @@ TEST_F(SimulationScript, AtRandomWritesATableOfWhatItSimulatesAndKeepsWhatIsTher
   EXPECT_TRUE(std::equal(first.begin(), first.end(), more.begin())) << "the same seed draws the same";
   EXPECT_EQ(Lines("asked").size(), 5U) << "those that were missing";
   for (const std::string& row : more) {
-    std::istringstream words(row);
-    const std::vector<std::string> columns{std::istream_iterator<std::string>(words), {}};
+    const auto columns = Columns(row);
     ASSERT_EQ(columns.size(), 3U) << row;
     EXPECT_EQ(columns[2], columns[0] + ".bag");
     EXPECT_NE(columns[1].find("/" + columns[0] + ".yaml"), std::string::npos);
@@ -140,8 +143,7 @@ TEST_F(SimulationScript, OfNoisierRecordingsUnpacksWhatIsMissingAndNamesWhatItDo
   EXPECT_EQ(table.size(), 30U);
   EXPECT_EQ(Lines("asked").size(), 30U) << "those that were missing";
   for (const std::string& row : table) {
-    std::istringstream words(row);
-    const std::vector<std::string> columns{std::istream_iterator<std::string>(words), {}};
+    const auto columns = Columns(row);
     ASSERT_EQ(columns.size(), 3U) << row;
     EXPECT_TRUE(std::ifstream(DEVO_SOURCE_DIR "/" + columns[1])) << row;
     EXPECT_TRUE(std::ifstream(PathOf("noisier/" + columns[2]))) << row;

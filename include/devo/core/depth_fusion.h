@@ -61,7 +61,7 @@ class DepthFusion {
   void Reset() { *this = DepthFusion(); }
 
  private:
-  static constexpr double kDelaySigma_s = 0.01;
+  static constexpr double kDelaySigma_s = 0.01, kUsualPeriod_s = 0.2;
 
   void NoteVelocity(const DepthPose& depth);
   /// `since_s`: since the last image that agreed.
@@ -79,7 +79,7 @@ class DepthFusion {
   std::deque<DepthPose> past_;              // of the last moment
   Vector6d velocity_ = Vector6d::Zero();
   std::int64_t velocity_since_ns_ = 0;
-  double period_s_ = 0.2;  // of images that agree, lately
+  double period_s_ = kUsualPeriod_s;  // of images that agree, lately
   ErrorScale error_scale_;
 };
 

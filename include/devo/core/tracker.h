@@ -109,7 +109,9 @@ class Tracker {
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   bool InertialFits() const;  // as far as is known
-  bool IsLed() const;         // by such a sensor or by depth, where events say little
+  /// One that fits has read from the filter's time to this.
+  bool InertialLeadsTo(std::int64_t t_ns) const;
+  bool IsLed() const;  // by such a sensor or by depth, where events say little
   /// The last surface was predicted by an inertial sensor that fits.
   bool FollowsInertial() const;
   /// With the inertial sensor's readings, where there are any.

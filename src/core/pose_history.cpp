@@ -6,6 +6,11 @@
 #include "devo/core/time.h"
 
 namespace devo {
+namespace {
+
+constexpr std::int64_t kVelocitySpan_ns = 20'000'000;
+
+}  // namespace
 
 void PoseHistory::Add(std::int64_t t_ns, const Rigid3& T_world_event) {
   if (!poses_.empty() && t_ns <= poses_.back().t_ns) return;
@@ -33,6 +38,14 @@ std::optional<Rigid3> PoseHistory::At(std::int64_t t_ns, double extrapolate_s) c
   const auto a = b - 1;
   const double s = SecondsFromNs(t_ns - a->t_ns) / SecondsFromNs(b->t_ns - a->t_ns);
   return Interpolate(a->T_world_event, b->T_world_event, s);
+}
+
+std::optional<Vector6d> PoseHistory::VelocityAt(std::int64_t t_ns) const {
+  if (poses_.empty()) return std::nullopt;
+  const std::int64_t from_ns = std::max(t_ns - kVelocitySpan_ns / 2, poses_.front().t_ns);
+  const std::int64_t to_ns = std::min(t_ns + kVelocitySpan_ns / 2, poses_.back().t_ns);
+  if (to_ns - from_ns < kVelocitySpan_ns / 2) return std::nullopt;
+  return Log(At(from_ns)->inverse() * *At(to_ns)) / SecondsFromNs(to_ns - from_ns);
 }
 
 }  // namespace devo

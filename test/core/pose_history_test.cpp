@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/pose_history.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "devo/core/time.h"
@@ -48,6 +50,20 @@ TEST(PoseHistory, ExtrapolatesWithTheVelocityAtItsEnds) {
   ExpectNear(*history.At(NsFromSeconds(0.94), 0.05), PoseAt(0.94));
   ASSERT_TRUE(history.At(NsFromSeconds(-0.04), 0.05));
   ExpectNear(*history.At(NsFromSeconds(-0.04), 0.05), PoseAt(-0.04));
+}
+
+TEST(PoseHistory, KnowsTheVelocityOfATimeWithinItButNotBeyond) {
+  PoseHistory history;
+  for (int k = 0; k <= 10; ++k) history.Add(NsFromSeconds(0.01 * k), PoseAt(std::pow(0.01 * k, 2)));
+  for (const double t_s : {0.0, 0.05, 0.093, 0.1}) {
+    const auto velocity = history.VelocityAt(NsFromSeconds(t_s));
+    ASSERT_TRUE(velocity) << t_s;
+    EXPECT_NEAR((*velocity)(0), 2 * 2 * t_s, 0.021) << t_s;
+    EXPECT_NEAR((*velocity)(5), 2 * t_s, 0.0105) << t_s;
+  }
+  EXPECT_FALSE(history.VelocityAt(NsFromSeconds(0.105)));
+  EXPECT_FALSE(history.VelocityAt(NsFromSeconds(-0.005)));
+  EXPECT_FALSE(PoseHistory().VelocityAt(0));
 }
 
 TEST(PoseHistory, OfOnePoseHoldsItNearby) {

@@ -27,6 +27,10 @@ class PoseHistory {
   /// `extrapolate_s` before its begin or after its end with the velocity there. Empty otherwise.
   std::optional<Rigid3> At(std::int64_t t_ns, double extrapolate_s = 0) const;
 
+  /// Velocity [v; omega] of and in the moving frame, m/s and rad/s, mean of the 20 ms around a time, as far as they are
+  /// within the history. Empty where it has less than half of them.
+  std::optional<Vector6d> VelocityAt(std::int64_t t_ns) const;
+
   /// Left-multiplies all poses: they were measured in a world that was off by this.
   void Move(const Rigid3& T_new_old);
 

@@ -317,7 +317,8 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
       ++left_out_.imu_no_reading;
       return false;
     }
-    ahead.t_ns = sample.t_ns;
+    // Live, a sample comes at its time, whatever its clock says. By how much that is late is estimated.
+    ahead.t_ns = sample.t_ns - NsFromSeconds(config_.odometry.tracking.max_delay_s);
     ahead.item = sample;
   } else {
     GroundTruthPose pose;

@@ -9,12 +9,17 @@
 #include <limits>
 #include <sstream>
 #include <string>
+#include <variant>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "devo/core/time.h"
+#include "devo/io/rig_config.h"
 #include "devo/io/trajectory.h"
+#include "devo/ros/bag_reader.h"
+#include "devo/ros/conversions.h"
 #include "tools/tiny_bag.h"
 
 namespace devo {
@@ -315,6 +320,27 @@ TEST_F(DevoOffline, DoesNotTakeRepeatedStampsOfOtherTopicsForThoseOfDepth) {
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_EQ(Report()["depth_frames"]["unordered"], 0);
   EXPECT_THAT(result.err, HasSubstr("50 IMU samples of topic '/imu' are not later than the one before"));
+}
+
+TEST_F(DevoOffline, ReadsAheadOfEventsByAsMuchAsTheClockOfAnImuMayBeLate) {
+  TinyRecording recording;
+  recording.AddImu();
+  recording.Write(Bag());
+  RigConfig config = LoadRigConfig({folder_ + "/rig.yaml"}, {"topics.imu=/imu"});
+  const std::int64_t ahead_ns = NsFromSeconds(config.odometry.tracking.max_delay_s), period_ns = 10'000'000;
+  BagReader reader({Bag()}, config);
+  std::int64_t imu_ns = 0;
+  int slices = 0;
+  while (const auto item = reader.Next()) {
+    if (const auto* sample = std::get_if<ImuSample>(&*item)) imu_ns = sample->t_ns;
+    const auto* slice = std::get_if<EventSlice>(&*item);
+    if (slice == nullptr) continue;
+    const std::int64_t t_ns = slice->events.end()[-1].t_ns;
+    EXPECT_GE(imu_ns, std::min(t_ns + ahead_ns - period_ns, FromRosTime(recording.imu.back().header.stamp)));
+    EXPECT_LE(imu_ns, t_ns + ahead_ns + period_ns);
+    ++slices;
+  }
+  EXPECT_GT(slices, 50);
 }
 
 TEST_F(DevoOffline, GivesNumbersWhereImuSamplesAreNone) {

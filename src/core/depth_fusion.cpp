@@ -7,7 +7,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "devo/core/delay.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -16,7 +15,8 @@ namespace {
 // Depth errs alike for about this long: images that follow each other sooner count for less.
 constexpr double kAlike_s = 0.1;
 constexpr double kMaxNormalisedSquare = 16;
-constexpr double kMaxDelay_s = 0.05;
+// By so much events' map and depth are apart in image after image, whatever the motion: m and rad.
+constexpr double kMapsApart = 3e-3;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
 constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
@@ -110,8 +110,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Vector6d residual = Log(estimate.T_world_event.inverse() * depth.T_world_event);
   const Vector6d& per_delay = depth.per_delay;
   const Matrix6d alone = depth.Covariance();
-  delay_variance_ += kDelayWalk_s * kDelayWalk_s * since_s;
-  const Matrix6d rest = delay_variance_ * per_delay * per_delay.transpose();
+  delay_.Wander(since_s);
+  const Matrix6d rest = delay_.variance_s2() * per_delay * per_delay.transpose();
   const Matrix6d stated = estimate.covariance + alone + rest;
   const bool knows_all = depth.KnowsAllDirections();
   if (knows_all) error_scale_.Note(depth.t_ns, residual, estimate.variance_scale * stated);
@@ -136,9 +136,9 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
     R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity.
-  const Vector6d gain = (knows_all ? delay_variance_ : 0) * (s_inverse * per_delay);
-  delay_s_ = StepDelay(delay_s_, gain.dot(residual), kMaxDelay_s);
-  delay_variance_ -= kDelayDrop * delay_variance_ * gain.dot(per_delay);
+  const Matrix6d alike = kMapsApart * kMapsApart * I;
+  const Vector6d gain = (knows_all ? delay_.variance_s2() : 0) * ((covariance + R + alike).ldlt().solve(per_delay));
+  delay_.Step(gain.dot(residual), gain.dot(per_delay), estimate.event_delay_s);
   return Correction{covariance * (s_inverse * residual), R.ldlt().solve(I)};
 }
 

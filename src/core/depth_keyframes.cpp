@@ -93,6 +93,7 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   // Of the keyframe's event camera to that of now, both of which were where they were this much later.
   const Rigid3 T_event_keyevent = (T_event_depth_ * T_key_event).inverse();
   pose.per_delay = view.velocity_event - Adjoint(T_event_keyevent) * keyframe.view.velocity_event;
+  pose.delay_sigma_s = view.delay_sigma_s;
   return pose;
 }
 
@@ -103,7 +104,7 @@ bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, cons
   other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
   const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], now, other_side);
   if (!again) return false;
-  return !MakePose({match.keyframe, *again}, other_side).Contradicts(pose.T_world_event, pose.Covariance());
+  return !MakePose({match.keyframe, *again}, other_side).Contradicts(pose.T_world_event, pose.CovarianceOfPlace());
 }
 
 void DepthKeyframes::Keep(DepthCells cells, const View& view) {

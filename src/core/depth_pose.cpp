@@ -16,25 +16,39 @@ constexpr double kLeast = 1;   // in m and rad: what is known is known to centim
 constexpr double kCorrectedShare = 0.25;
 constexpr double kMaxNormalisedSquare = 16;
 
+/// (H^-1 + p s^2 p')^-1, where H may be singular and s zero.
+Matrix6d InformationOnPlace(const DepthPose& depth) {
+  const Vector6d told = depth.delay_sigma_s * (depth.information * depth.per_delay);
+  return depth.information - told * told.transpose() / (1 + depth.delay_sigma_s * depth.per_delay.dot(told));
+}
+
 }  // namespace
 
 Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth) {
-  if (depth.Contradicts(T_world_event, covariance)) return depth.confirmed ? depth.T_world_event : T_world_event;
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d apart = Log(T_world_event.inverse() * depth.T_world_event);
-  const Matrix6d share = kCorrectedShare * covariance * depth.information;
+  const double square = NormalisedSquare(apart, covariance + depth.CovarianceOfPlace());
+  const bool contradicts = square > kMaxNormalisedSquare;
+  if (contradicts && !depth.confirmed) return T_world_event;
+  // Such a pose is as wrong as depth says, but for what may be the delay.
+  const double share_of_stated = contradicts ? square / kMaxNormalisedSquare : kCorrectedShare;
+  const Matrix6d share = share_of_stated * covariance * InformationOnPlace(depth);
   // (C^-1 + H)^-1 H, where both may be singular.
   return T_world_event * Exp((I + share).partialPivLu().solve(share * apart));
 }
 
 bool DepthPose::Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const {
-  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + Covariance()) >
+  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + CovarianceOfPlace()) >
          kMaxNormalisedSquare;
 }
 
 Matrix6d DepthPose::Covariance() const {
   const Matrix6d I = Matrix6d::Identity();
   return (information + I / (kOpen_m * kOpen_m)).ldlt().solve(I);
+}
+
+Matrix6d DepthPose::CovarianceOfPlace() const {
+  return Covariance() + delay_sigma_s * delay_sigma_s * per_delay * per_delay.transpose();
 }
 
 bool DepthPose::KnowsAllDirections() const {

@@ -61,13 +61,12 @@ void Mapper::Reset() {
   lidar_depth_ = DepthImage();
   poses_.Clear();
   velocity_.setZero();
-  event_delay_ns_ = 0;
+  delays_ = SensorDelays();
   sure_ = trackable_ = begin_chapter_ = false;
   map_.Clear();
   depth_keyframes_.Clear();
   depth_of_rest_.Clear();
   depth_poses_.clear();
-  depth_delay_s_ = 0;
   occluder_.reset();
   T_world_local_.reset();
   scene_depth_ = SceneDepth();
@@ -110,8 +109,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
   covariance_ = pose.covariance_event;
-  event_delay_ns_ = NsFromSeconds(pose.event_delay_s);
-  depth_delay_s_ = pose.depth_delay_s;
+  delays_ = pose.delays;
   sure_ = pose.state == TrackingState::kTracking;
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
                pose.state == TrackingState::kRecovered;
@@ -121,7 +119,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
 
 void Mapper::AddDepth(const DepthImage& depth) {
   ++counters_.depth_in;
-  const std::int64_t t_ns = depth.t_ns + event_delay_ns_ + NsFromSeconds(depth_delay_s_);
+  const std::int64_t t_ns = depth.t_ns + NsFromSeconds(delays_.EventsAfterDepth_s());
   // What is later than this one had a wrong stamp, and would hold it up.
   while (!depths_.empty() && depths_.back().t_ns > t_ns) depths_.pop_back();
   depths_.push_back(depth);
@@ -133,8 +131,9 @@ void Mapper::AddDepth(const DepthImage& depth) {
 
 void Mapper::AddSweep(LidarSweep sweep) {
   ++counters_.depth_in;
-  sweep.end_ns += event_delay_ns_;
-  for (LidarPoint& point : sweep.points) point.t_ns += event_delay_ns_;
+  const std::int64_t event_delay_ns = NsFromSeconds(delays_.event_s);
+  sweep.end_ns += event_delay_ns;
+  for (LidarPoint& point : sweep.points) point.t_ns += event_delay_ns;
   sweeps_.push_back(std::move(sweep));
   if (sweeps_.size() > kMaxSweeps) sweeps_.pop_front();
 }
@@ -182,8 +181,15 @@ Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
   if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
   if (!T_world_then) return Rigid3();
-  auto pose = depth_keyframes_.Align(
-      depth, {*T_world_then, velocity_, depth_delay_s_, map_.chapter(), trackable_, covariance_});
+  DepthKeyframes::View view;
+  view.T_world_event = *T_world_then;
+  view.velocity_event = poses_.VelocityAt(depth.t_ns).value_or(velocity_);
+  view.delay_s = delays_.EventsAfterDepth_s();
+  view.delay_sigma_s = delays_.depth_sigma_s;
+  view.chapter = map_.chapter();
+  view.trusted = trackable_;
+  view.covariance = covariance_;
+  auto pose = depth_keyframes_.Align(depth, view);
   counters_.depth_jumps = depth_keyframes_.jumps();
   if (!pose) return Rigid3();
   ++counters_.depth_aligned;

@@ -59,8 +59,9 @@ constexpr double kForceSpan_s = 0.5, kShowsMisfit_s = 2;
 constexpr double kShared_s = 0.1;
 constexpr double kMaxShared_m = 0.02;  // in directions that alignments leave open, also in radians
 
-// Clocks of one host, a sensor's own filter and the latency of dark pixels.
-constexpr double kDelaySigma_s = 5e-3;
+// Of a full step. What surfaces err alike lasts for tenths of a second, but a delay shows as it does only while the
+// rotation speeds up alike.
+constexpr double kDelayStep = 0.6;
 
 // Where things are in the state.
 constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24,
@@ -255,8 +256,8 @@ void MotionFilter::Condition(std::int64_t t_ns, Shown shown, const Rigid3& T_wor
   const Matrix6d P_shown_after = (P_shown_inverse + information).ldlt().solve(I);
   const Matrix drop = gain * (P_shown - P_shown_after) * gain.transpose();
   P_ -= drop;
-  delay_s_ = StepDelay(delay_s_, gain.row(kDelay) * moved, options_.max_delay_s);
-  P_(kDelay, kDelay) += (1 - kDelayDrop) * drop(kDelay, kDelay);
+  delay_s_ = StepDelay(delay_s_, kDelayStep * gain.row(kDelay).dot(moved), options_.max_delay_s);
+  P_(kDelay, kDelay) += (1 - DropOfStep(kDelayStep)) * drop(kDelay, kDelay);
   NoteManoeuvre(moved, P_shown - P_shown_after);
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }

@@ -130,8 +130,14 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   const Rigid3 T_world_then = then->pose();
   Matrix6d covariance = then->pose_covariance();
   if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
-  const auto correction = depth_fusion_.Correct(depth, {T_world_then, covariance, residual_scale_.variance_scale(),
-                                                        FollowsInertial(), quality_.suspicious_in_a_row() > 0});
+  DepthFusion::Estimate estimate;
+  estimate.T_world_event = T_world_then;
+  estimate.covariance = covariance;
+  estimate.variance_scale = residual_scale_.variance_scale();
+  estimate.guided = FollowsInertial();
+  estimate.event_delay_s = DelayAgainstInertial();
+  estimate.doubtful = quality_.suspicious_in_a_row() > 0;
+  const auto correction = depth_fusion_.Correct(depth, estimate);
   if (correction && !held_) {
     then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
     motion_ = past_.Again(*then, inertial_, &history_);
@@ -322,17 +328,22 @@ double Tracker::Flow(const Vector6d& velocity_event) const {
 void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->t_edges_ns = motion_.time_ns();
   pose->T_world_event_edges = motion_.pose();
-  // Late events show where the camera was. An inertial sensor is never early, but may be late: that says nothing of
-  // them.
-  pose->event_delay_s = std::max(0.0, motion_.delay_s());
-  const std::int64_t t_shown_ns = pose->t_ns + NsFromSeconds(pose->event_delay_s);
+  pose->delays = Delays();
+  const std::int64_t t_shown_ns = pose->t_ns + NsFromSeconds(pose->delays.event_s);
   const auto now = held ? motion_.AtRest() : PredictAt(t_shown_ns);
   pose->T_world_event = now.T_world_event;
-  pose->depth_delay_s = depth_fusion_.delay_s();
   pose->velocity_event = SurfaceVelocity();
   pose->velocity_of_poses = !FollowsInertial();
   if (FollowsInertial() && !held) pose->acceleration_event = motion_.acceleration_event();
   pose->covariance_event = StatedCovariance(now);
+}
+
+double Tracker::DelayAgainstInertial() const { return std::max(0.0, motion_.delay_s()); }
+
+SensorDelays Tracker::Delays() const {
+  SensorDelays delays = DelaysOf(motion_.delay_s(), depth_fusion_.delay().Get(DelayAgainstInertial()));
+  delays.depth_sigma_s = std::sqrt(depth_fusion_.delay().variance_s2());
+  return delays;
 }
 
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
@@ -341,8 +352,8 @@ Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
   Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), guided) * by_residuals * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
-                                       ? motion_.delay_variance_s2() + std::pow(kDelaySpread * motion_.delay_s(), 2)
-                                       : std::pow(depth_fusion_.delay_s(), 2);
+                                       ? motion_.delay_variance_s2() + std::pow(kDelaySpread * Delays().event_s, 2)
+                                       : std::pow(depth_fusion_.delay().Get(0), 2);
   covariance += clock_variance_s2 * now.velocity_event * now.velocity_event.transpose();
   const auto chapter = static_cast<std::size_t>(map_->chapter);
   if (chapter < chapter_covariance_.size()) covariance += chapter_covariance_[chapter];

@@ -53,8 +53,7 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   if (lost) return;
   trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
   covariances_.push_back(estimate.covariance_event);
-  event_delay_s_ = estimate.event_delay_s;
-  depth_delay_s_ = estimate.depth_delay_s;
+  delays_ = estimate.delays;
   if (estimate.inertial_fit.gyroscope > 0) {
     gyroscope_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope));
     accelerometer_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer));
@@ -82,8 +81,9 @@ std::string RunReport::ToJson() const {
   json["poses"] = trajectory_.size();
   json["coverage"] = Coverage(end_ns);
   json["chapters"] = chapters_;
-  json["event_delay_ms"] = 1e3 * event_delay_s_;
-  json["depth_delay_ms"] = 1e3 * depth_delay_s_;
+  json["event_delay_ms"] = 1e3 * delays_.event_s;
+  json["depth_delay_ms"] = 1e3 * delays_.depth_s;
+  json["imu_delay_ms"] = 1e3 * delays_.inertial_s;
   const InertialFit fit = inertial_fit();
   json["inertial_fit"] = {{"gyroscope", fit.gyroscope},
                           {"accelerometer", fit.accelerometer},

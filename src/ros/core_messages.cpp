@@ -185,8 +185,10 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   stream.next(static_cast<std::uint8_t>(estimate.velocity_of_poses));
   WriteMatrix(stream, estimate.acceleration_event);
   WriteMatrix(stream, estimate.covariance_event);
-  stream.next(estimate.event_delay_s);
-  stream.next(estimate.depth_delay_s);
+  for (const double delay_s :
+       {estimate.delays.event_s, estimate.delays.depth_s, estimate.delays.depth_sigma_s, estimate.delays.inertial_s}) {
+    stream.next(delay_s);
+  }
   stream.next(estimate.inertial_fit.gyroscope);
   stream.next(estimate.inertial_fit.accelerometer);
   stream.next(estimate.inertial_fit.force_m_s2);
@@ -213,8 +215,10 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   estimate.velocity_of_poses = of_poses != 0;
   ReadMatrix(stream, estimate.acceleration_event);
   ReadMatrix(stream, estimate.covariance_event);
-  stream.next(estimate.event_delay_s);
-  stream.next(estimate.depth_delay_s);
+  SensorDelays& delays = estimate.delays;
+  for (double* delay_s : {&delays.event_s, &delays.depth_s, &delays.depth_sigma_s, &delays.inertial_s}) {
+    stream.next(*delay_s);
+  }
   stream.next(estimate.inertial_fit.gyroscope);
   stream.next(estimate.inertial_fit.accelerometer);
   stream.next(estimate.inertial_fit.force_m_s2);
@@ -280,6 +284,7 @@ void WriteMessage(Stream& stream, const DepthPose& pose) {
   WritePose(stream, pose.T_world_event);
   WriteMatrix(stream, pose.information);
   WriteMatrix(stream, pose.per_delay);
+  stream.next(pose.delay_sigma_s);
   stream.next(static_cast<std::uint8_t>(pose.confirmed));
 }
 
@@ -290,6 +295,7 @@ void ReadMessage(IStream& stream, DepthPose& pose) {
   pose.T_world_event = ReadPose(stream);
   ReadMatrix(stream, pose.information);
   ReadMatrix(stream, pose.per_delay);
+  stream.next(pose.delay_sigma_s);
   pose.confirmed = ReadBool(stream);
 }
 

@@ -302,8 +302,9 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.add("points used", last_.points_used);
   status.addf("matched share", "%.2f", last_.inlier_share);
   status.addf("mean residual (px)", "%.2f", last_.mean_residual_px);
-  status.addf("delay of events (ms)", "%.1f", 1e3 * last_.event_delay_s);
-  status.addf("delay of depth images (ms)", "%.1f", 1e3 * last_.depth_delay_s);
+  status.addf("delay of events (ms)", "%.1f", 1e3 * last_.delays.event_s);
+  status.addf("delay of depth images (ms)", "%.1f", 1e3 * last_.delays.depth_s);
+  status.addf("delay of the IMU (ms)", "%.1f", 1e3 * last_.delays.inertial_s);
   status.addf("gyroscope's errors (times a good one's)", "%.1f", last_.inertial_fit.gyroscope);
   status.addf("accelerometer's errors (times a good one's)", "%.1f", last_.inertial_fit.accelerometer);
   status.addf("tracking p50 (ms)", "%.2f", tracking_ms_.At(0.5));

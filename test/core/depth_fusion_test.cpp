@@ -159,7 +159,7 @@ TEST(DepthFusion, AnImageThatLeavesADirectionOpenTellsNothingOfDelaysAndIsNeithe
     pose.information(0, 0) = 0;
     ASSERT_TRUE(fusion.Correct(pose, EstimateAt(Rigid3())));
   }
-  EXPECT_EQ(fusion.delay_s(), 0);
+  EXPECT_EQ(fusion.delay().Get(0), 0);
   EXPECT_EQ(fusion.found_ns(), 0);
   DepthPose far = PoseAt(30 * kPeriod_ns, Exp(100 * SmallStep()));
   far.information(0, 0) = 0;
@@ -268,11 +268,27 @@ TEST(DepthFusion, LearnsByHowMuchDepthImagesAreLate) {
   for (int k = 1; k <= 200; ++k) {
     const double t_s = 0.033 * k;
     const Vector6d velocity = std::cos(3 * t_s) * (Vector6d() << 0.4, 0.1, -0.2, 0.3, -0.5, 0.1).finished();
-    DepthPose pose = PoseAt(k * kPeriod_ns, Exp((late_s - fusion.delay_s()) * velocity));
+    DepthPose pose = PoseAt(k * kPeriod_ns, Exp((late_s - fusion.delay().Get(0)) * velocity));
     pose.per_delay = velocity;
     EXPECT_TRUE(fusion.Correct(pose, EstimateAt(Rigid3()))) << k;
   }
-  EXPECT_NEAR(fusion.delay_s(), late_s, 1e-3);
+  EXPECT_NEAR(fusion.delay().Get(0), late_s, 1e-3);
+}
+
+TEST(DepthFusion, LearnsAClearDelayFromTheFirstImagesAndDoesNotMoveThePoseForIt) {
+  const double late_s = 0.01;
+  DepthFusion fusion;
+  double moved_rad = 0;
+  for (int k = 1; k <= 3; ++k) {
+    const Vector6d velocity = (k % 2 ? 1 : -1) * (Vector6d() << 0.4, 0.1, -0.2, 1.5, -1, 0.1).finished();
+    DepthPose pose = PoseAt(6 * k * kPeriod_ns, Exp((late_s - fusion.delay().Get(0)) * velocity));
+    pose.per_delay = velocity;
+    const auto correction = fusion.Correct(pose, EstimateAt(Rigid3()));
+    ASSERT_TRUE(correction) << k;
+    moved_rad = std::max(moved_rad, correction->moved.tail<3>().norm());
+  }
+  EXPECT_NEAR(fusion.delay().Get(0), late_s, 5e-4);
+  EXPECT_LT(moved_rad, 0.1 * late_s * 1.8);
 }
 
 }  // namespace

@@ -37,7 +37,24 @@ TEST(DepthPose, DoesNotCorrectAPoseThatItContradictsUnlessItIsConfirmed) {
   const Rigid3 corrected = Corrected(kPose, Known(1e-3), depth);
   EXPECT_EQ(Log(kPose.inverse() * corrected).norm(), 0);
   depth.confirmed = true;
-  EXPECT_LT(Log(depth.T_world_event.inverse() * Corrected(kPose, Known(1e-3), depth)).norm(), 1e-12);
+  const double left = Log(depth.T_world_event.inverse() * Corrected(kPose, Known(1e-3), depth)).norm();
+  EXPECT_LT(left, 0.05 * Log(kPose.inverse() * depth.T_world_event).norm());
+}
+
+TEST(DepthPose, DoesNotCorrectAPoseForWhatMayBeAnErrorOfTheDelay) {
+  // 10 ms at 1 rad/s, between two motions that differ by that.
+  const Vector6d per_delay = Vector6d::Unit(4);
+  DepthPose depth = Seen(0.01 * per_delay + kApart, 1e-3);
+  depth.per_delay = per_delay;
+  EXPECT_TRUE(depth.Contradicts(kPose, Known(1e-3)));
+  depth.delay_sigma_s = 0.01;
+  EXPECT_FALSE(depth.Contradicts(kPose, Known(1e-3)));
+  for (const bool confirmed : {false, true}) {
+    depth.confirmed = confirmed;
+    const Vector6d moved = Log(kPose.inverse() * Corrected(kPose, Known(1e-3), depth));
+    EXPECT_LT(std::abs(moved(4)), 2e-4) << confirmed;
+    EXPECT_NEAR(moved(0), 0.2 * kApart(0), 1e-5) << "other directions are corrected all the same";
+  }
 }
 
 TEST(DepthPose, DoesNotCorrectAlongDirectionsThatItLeavesOpen) {

@@ -63,8 +63,7 @@ PoseEstimate SomePose() {
   estimate.points_used = 1800;
   estimate.inlier_share = 0.75;
   estimate.mean_residual_px = 0.3;
-  estimate.event_delay_s = 0.004;
-  estimate.depth_delay_s = -0.007;
+  estimate.delays = {0.004, -0.007, 0.002, -0.003};
   estimate.inertial_fit = {2, 3, 9.7};
   estimate.chapter = 2;
   estimate.needs_map = true;
@@ -167,6 +166,8 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.mean_residual_px, 0.3);
   EXPECT_DOUBLE_EQ(message.event_delay_s, 0.004);
   EXPECT_DOUBLE_EQ(message.depth_delay_s, -0.007);
+  EXPECT_DOUBLE_EQ(message.depth_delay_sigma_s, 0.002);
+  EXPECT_DOUBLE_EQ(message.inertial_delay_s, -0.003);
   EXPECT_DOUBLE_EQ(message.gyroscope_misfit, 2);
   EXPECT_DOUBLE_EQ(message.accelerometer_misfit, 3);
   EXPECT_DOUBLE_EQ(message.mean_force_m_s2, 9.7);
@@ -232,6 +233,7 @@ TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
   pose.T_world_event = Rigid3(Eigen::Quaterniond(0.5, -0.5, 0.5, 0.5), {1, -2, 3});
   for (int i = 0; i < 36; ++i) pose.information(i / 6, i % 6) = i;
   pose.per_delay << 1, 2, 3, 4, 5, 6;
+  pose.delay_sigma_s = 0.003;
   pose.confirmed = true;
   const auto bytes = Bytes(pose);
   const auto message = FromBytes<PoseByDepth>(bytes);
@@ -241,6 +243,7 @@ TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.T_world_event.position.z, 3);
   EXPECT_DOUBLE_EQ(message.information[1 * 6 + 2], 8);
   EXPECT_DOUBLE_EQ(message.per_delay[5], 6);
+  EXPECT_DOUBLE_EQ(message.delay_sigma_s, 0.003);
   EXPECT_TRUE(message.confirmed);
   EXPECT_EQ(Bytes(FromBytes<DepthPose>(bytes)), bytes);
 }

@@ -8,6 +8,7 @@
 #include <deque>
 #include <optional>
 
+#include "devo/core/depth_delay.h"
 #include "devo/core/depth_pose.h"
 #include "devo/core/error_scale.h"
 #include "devo/core/rigid3.h"
@@ -23,6 +24,7 @@ class DepthFusion {
     Matrix6d covariance;        ///< of a right perturbation [rho; phi] (m, rad) of it
     double variance_scale = 1;  ///< of what is stated of poses, as far as known without depth
     bool guided = false;        ///< by an inertial sensor
+    double event_delay_s = 0;   ///< by how much events are later than an inertial sensor, as far as known
     bool doubtful = false;      ///< less than usual of what was seen matches: it may be farther off than stated
   };
   struct Correction {
@@ -52,8 +54,8 @@ class DepthFusion {
   bool AgreedInPartWithin(double span_s, std::int64_t t_ns) const;
   const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: they are far apart
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
-  /// By how much depth images are later than their stamps say, s.
-  double delay_s() const { return delay_s_; }
+  /// By how much later than a depth image's stamp events show its moment.
+  const DepthDelay& delay() const { return delay_; }
   /// Squared errors of poses at this time over what is stated of them, by how events and depth come apart and, where an
   /// inertial sensor guides them, by how often depth comes, else by how long none has agreed.
   double VarianceScale(std::int64_t t_ns, bool guided) const;
@@ -61,7 +63,7 @@ class DepthFusion {
   void Reset() { *this = DepthFusion(); }
 
  private:
-  static constexpr double kDelaySigma_s = 0.01, kUsualPeriod_s = 0.2;
+  static constexpr double kUsualPeriod_s = 0.2;
 
   void NoteVelocity(const DepthPose& depth);
   /// `since_s`: since the last image that agreed.
@@ -69,7 +71,7 @@ class DepthFusion {
   /// `residual`: from the pose by events to that by depth, of this covariance as far as depth goes.
   void NoteContradiction(std::int64_t t_ns, bool contradicts, const Vector6d& residual, const Matrix6d& covariance);
 
-  double delay_s_ = 0, delay_variance_ = kDelaySigma_s * kDelaySigma_s;
+  DepthDelay delay_;
   int contradictions_ = 0;
   int alike_in_a_row_ = 0;  // of these
   std::int64_t contradicted_ns_ = 0;

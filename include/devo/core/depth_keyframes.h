@@ -28,7 +28,8 @@ class DepthKeyframes {
   struct View {
     Rigid3 T_world_event;
     Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s
-    double delay_s = 0;                          ///< by how much depth images are taken to be late
+    double delay_s = 0;                          ///< by how much events are taken to be later than depth images
+    double delay_sigma_s = 0;                    ///< of that
     int chapter = 0;
     bool trusted = false;                    ///< the image may become a keyframe
     Matrix6d covariance = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] of T_world_event, m and rad

@@ -17,6 +17,7 @@ struct DepthPose {
   Matrix6d information = Matrix6d::Zero();
   /// How that perturbation grows per second by which depth images are later than thought, m/s and rad/s.
   Vector6d per_delay = Vector6d::Zero();
+  double delay_sigma_s = 0;  ///< how well that delay was known
 
   /// Where it contradicts the pose by events: aligned from that one's other side, too, the image comes to this place.
   /// One that is aligned to a wrong place has stopped on its way from where it began.
@@ -27,6 +28,8 @@ struct DepthPose {
   /// Of a right perturbation [rho; phi] (m, rad) of T_world_event; 1 m and rad in directions that the image leaves
   /// open.
   Matrix6d Covariance() const;
+  /// The same with what is not known of the delay.
+  Matrix6d CovarianceOfPlace() const;
   /// False where a direction is open, as along a wall: there the pose is only what it was predicted to be.
   bool KnowsAllDirections() const;
   /// Projection of such a perturbation, in m and rad, on the directions that the image knows; the identity where it

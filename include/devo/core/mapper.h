@@ -135,8 +135,7 @@ class Mapper {
   std::deque<LidarSweep> sweeps_;
   DepthImage lidar_depth_;
   PoseHistory poses_;
-  double depth_delay_s_ = 0;
-  std::int64_t event_delay_ns_ = 0;  // images and sweeps are kept with the time at which events show their moment
+  SensorDelays delays_;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
   Matrix6d covariance_ = Matrix6d::Zero();  // of the newest pose
   bool sure_ = false;                       // of the newest pose: the map may grow from it where nothing was measured

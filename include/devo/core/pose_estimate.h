@@ -7,6 +7,7 @@
 #include "devo/core/inertial_fit.h"
 #include "devo/core/pose_history.h"
 #include "devo/core/rigid3.h"
+#include "devo/core/sensor_delays.h"
 
 namespace devo {
 
@@ -36,11 +37,8 @@ struct PoseEstimate {
   /// Change of that velocity, m/s^2 and rad/s^2; zero where no inertial sensor tells.
   Vector6d acceleration_event = Vector6d::Zero();
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame
-  /// By how much later than the other sensors events show a motion (latency of dark pixels), at least 0; 0 without an
-  /// inertial sensor. T_world_event is where the camera was at `t_ns` all the same; `t_edges_ns` is the events' own
-  /// time.
-  double event_delay_s = 0;
-  double depth_delay_s = 0;  ///< by how much depth images are later than their stamps say
+  /// T_world_event is where the camera was at `t_ns` also where events are late; `t_edges_ns` is the events' own time.
+  SensorDelays delays;
   InertialFit inertial_fit;
   int chapter = 0;         ///< of the map that it is registered to; between chapters, poses are related by a guess only
   bool needs_map = false;  ///< lost for so long that a new chapter is to begin here

@@ -60,7 +60,7 @@ class RunReport {
   Trajectory trajectory_;
   std::vector<Matrix6d> covariances_;
   int chapters_ = 0;
-  double event_delay_s_ = 0, depth_delay_s_ = 0;               // of the last pose
+  SensorDelays delays_;                                        // of the last pose
   std::vector<float> gyroscope_, accelerometer_, force_m_s2_;  // InertialFit of each pose with readings
   std::vector<Interval> lost_;
   bool lost_now_ = false;

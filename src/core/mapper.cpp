@@ -61,6 +61,7 @@ void Mapper::Reset() {
   lidar_depth_ = DepthImage();
   poses_.Clear();
   velocity_.setZero();
+  velocity_of_poses_ = false;
   delays_ = SensorDelays();
   sure_ = trackable_ = begin_chapter_ = false;
   map_.Clear();
@@ -108,6 +109,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   for (const PoseHistory::Stamped& earlier : pose.earlier) poses_.Add(earlier.t_ns, earlier.T_world_event);
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
+  velocity_of_poses_ = pose.velocity_of_poses;
   covariance_ = pose.covariance_event;
   delays_ = pose.delays;
   sure_ = pose.state == TrackingState::kTracking;
@@ -183,7 +185,8 @@ Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
   if (!T_world_then) return Rigid3();
   DepthKeyframes::View view;
   view.T_world_event = *T_world_then;
-  view.velocity_event = poses_.VelocityAt(depth.t_ns).value_or(velocity_);
+  // Poses alone are too noisy to tell a velocity within hundredths of a second.
+  view.velocity_event = velocity_of_poses_ ? velocity_ : poses_.VelocityAt(depth.t_ns).value_or(velocity_);
   view.delay_s = delays_.EventsAfterDepth_s();
   view.delay_sigma_s = delays_.depth_sigma_s;
   view.chapter = map_.chapter();

@@ -137,6 +137,7 @@ class Mapper {
   PoseHistory poses_;
   SensorDelays delays_;  // images and sweeps are kept with the time at which events show their moment
   Vector6d velocity_ = Vector6d::Zero();
+  bool velocity_of_poses_ = false;
   Matrix6d covariance_ = Matrix6d::Zero();  // of the newest pose
   bool sure_ = false;                       // of the newest pose: the map may grow from it where nothing was measured
   bool trackable_ = false, begin_chapter_ = false;

@@ -63,10 +63,12 @@ class BagReader {
 
   /// The next item, in the order of data time: events by their own stamps (an array is cut where other data lies
   /// between its events; header.stamp means something else in each driver), sweeps of a LiDAR by the time of their last
-  /// point, the rest by header.stamp, depth and sweeps with config.depth_time_offset_s added. Each topic is a stream of
-  /// its own, of which a few messages are looked ahead, so that neither the order nor the clock of recording matters.
-  /// Empty at the end. Throws std::runtime_error naming the topic of a message that cannot be used (wrong encoding; an
-  /// IMU whose frame no tf_static connects with the event frame). IMU samples are turned into the event frame.
+  /// point, the rest by header.stamp, depth and sweeps with config.depth_time_offset_s added. But an IMU's samples come
+  /// ahead by tracking.max_delay_s, as its clock may be late and live they would be there all the same. Each topic is a
+  /// stream of its own, of which a few messages are looked ahead, so that neither the order nor the clock of recording
+  /// matters. Empty at the end. Throws std::runtime_error naming the topic of a message that cannot be used (wrong
+  /// encoding; an IMU whose frame no tf_static connects with the event frame). IMU samples are turned into the event
+  /// frame.
   std::optional<BagItem> Next();
 
   std::int64_t begin_ns() const { return begin_ns_; }  ///< first event's time plus start

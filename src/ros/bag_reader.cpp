@@ -65,9 +65,12 @@ struct BagReader::Stream {
   std::string error;  // of the first message that cannot be used
   std::vector<BagEntry> entries;
   std::size_t next = 0;
-  std::deque<Ahead> ahead;  // ordered by time
+  std::deque<Ahead> ahead;   // ordered by time
+  std::int64_t lead_ns = 0;  // they are given this much before their time
   EventPacketConverter packets;
   std::int64_t last_ns = std::numeric_limits<std::int64_t>::min();
+
+  std::int64_t due_ns() const { return ahead.front().t_ns - lead_ns; }
 };
 
 BagReader::~BagReader() = default;
@@ -97,6 +100,8 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
       stream->role = role.first;
       stream->bag = bags_[b].get();
       stream->topic = names[static_cast<int>(role.first)];
+      // Live, a sample comes at its time, whatever its clock says. By how much that is late is estimated.
+      if (stream->role == Role::kImu) stream->lead_ns = NsFromSeconds(config_.odometry.tracking.max_delay_s);
       for (const BagEntry& entry : stream->bag->entries()) {
         if (stream->bag->topics()[entry.topic].name == stream->topic) stream->entries.push_back(entry);
       }
@@ -317,8 +322,7 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
       ++left_out_.imu_no_reading;
       return false;
     }
-    // Live, a sample comes at its time, whatever its clock says. By how much that is late is estimated.
-    ahead.t_ns = sample.t_ns - NsFromSeconds(config_.odometry.tracking.max_delay_s);
+    ahead.t_ns = sample.t_ns;
     ahead.item = sample;
   } else {
     GroundTruthPose pose;
@@ -353,7 +357,7 @@ void BagReader::FillAhead(Stream* stream) {
 BagItem BagReader::TakeEvents(Stream* stream) {
   std::int64_t limit_ns = end_ns_;
   for (const auto& other : streams_) {
-    if (other.get() != stream && !other->ahead.empty()) limit_ns = std::min(limit_ns, other->ahead.front().t_ns);
+    if (other.get() != stream && !other->ahead.empty()) limit_ns = std::min(limit_ns, other->due_ns());
   }
   Stream::Ahead& front = stream->ahead.front();
   auto& rest = std::get<EventSlice>(front.item);
@@ -381,9 +385,9 @@ std::optional<BagItem> BagReader::Next() {
     for (const auto& stream : streams_) {
       FillAhead(stream.get());
       if (stream->ahead.empty()) continue;
-      if (first == nullptr || stream->ahead.front().t_ns < first->ahead.front().t_ns) first = stream.get();
+      if (first == nullptr || stream->due_ns() < first->due_ns()) first = stream.get();
     }
-    if (first == nullptr || first->ahead.front().t_ns >= end_ns_) return std::nullopt;
+    if (first == nullptr || first->due_ns() >= end_ns_) return std::nullopt;
     const std::int64_t t_ns = first->ahead.front().t_ns;
     if (first->role == Role::kEvents) {
       BagItem item = TakeEvents(first);

@@ -27,7 +27,7 @@ Matrix6d InformationOnPlace(const DepthPose& depth) {
 Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const DepthPose& depth) {
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d apart = Log(T_world_event.inverse() * depth.T_world_event);
-  const double square = NormalisedSquare(apart, covariance + depth.CovarianceOfPlace());
+  const double square = depth.SquareApart(T_world_event, covariance);
   const bool contradicts = square > kMaxNormalisedSquare;
   if (contradicts && !depth.confirmed) return T_world_event;
   // Such a pose is as wrong as depth says, but for what may be the delay.
@@ -37,9 +37,12 @@ Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const 
   return T_world_event * Exp((I + share).partialPivLu().solve(share * apart));
 }
 
+double DepthPose::SquareApart(const Rigid3& T_world_other, const Matrix6d& covariance) const {
+  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + CovarianceOfPlace());
+}
+
 bool DepthPose::Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const {
-  return NormalisedSquare(Log(T_world_other.inverse() * T_world_event), covariance + CovarianceOfPlace()) >
-         kMaxNormalisedSquare;
+  return SquareApart(T_world_other, covariance) > kMaxNormalisedSquare;
 }
 
 Matrix6d DepthPose::Covariance() const {

@@ -23,7 +23,10 @@ struct DepthPose {
   /// One that is aligned to a wrong place has stopped on its way from where it began.
   bool confirmed = false;
 
-  /// Whether a pose with this covariance (of a right perturbation, m and rad) can hardly be the same.
+  /// How far a pose with this covariance (of a right perturbation, m and rad) is from this one: squared, over what may
+  /// be, the delay's uncertainty included; 6 in the mean where they are the same.
+  double SquareApart(const Rigid3& T_world_other, const Matrix6d& covariance) const;
+  /// Whether it can hardly be the same.
   bool Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const;
   /// Of a right perturbation [rho; phi] (m, rad) of T_world_event; 1 m and rad in directions that the image leaves
   /// open.

@@ -89,10 +89,10 @@ class Tracker {
   double Flow(const Vector6d& velocity_event) const;
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
   void ContinueToNow(bool held, PoseEstimate* pose) const;
-  /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   /// By how much events are later than an inertial sensor, s; 0 where that is late, which says nothing of others.
   double DelayAgainstInertial() const;
   SensorDelays Delays() const;
+  /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
   /// Points of an alignment that count as one: for what this surface errs by itself, and successive ones alike.
   struct ErrorsAlike {

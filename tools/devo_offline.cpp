@@ -98,7 +98,8 @@ class Run {
  public:
   explicit Run(const Arguments& arguments)
       : arguments_(arguments), config_(devo::LoadRigConfig(arguments.configs, arguments.overrides)),
-        reader_(arguments.bags, config_, arguments.range), rig_(reader_.ReadRig()),
+        reader_(arguments.bags, config_, arguments.range),
+        rig_(arguments.disturbance.miscalibration.Of(reader_.ReadRig())),
         odometry_(rig_, config_.odometry, arguments.threads), report_(config_.odometry.surface.rate_hz),
         thinning_(arguments.depth_rate_hz) {
     if (!arguments.ground_truth.empty()) truth_ = devo::ReadTum(arguments.ground_truth);
@@ -198,7 +199,7 @@ class Run {
       ++report_.depth_skipped_by_rate;
     }
   }
-  void Take(const devo::ImuSample& sample) { odometry_.AddImu(sample); }
+  void Take(const devo::ImuSample& sample) { odometry_.AddImu(arguments_.disturbance.miscalibration.Of(sample)); }
   void Take(const devo::GroundTruthPose& truth) {
     if (arguments_.ground_truth.empty()) truth_.push_back(truth.pose);
   }
@@ -348,7 +349,10 @@ int main(int argc, char** argv) {
         }
       },
       "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO, "
-      "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE");
+      "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE; or of the calibration: depth_rotation=X:Y:Z, "
+      "imu_rotation=X:Y:Z (deg), depth_translation=X:Y:Z, imu_translation=X:Y:Z (m), event_focal=SHARE, "
+      "depth_focal=SHARE, gyroscope_bias=X:Y:Z (deg/s), accelerometer_bias=X:Y:Z (m/s^2), gyroscope_scale=SHARE, "
+      "accelerometer_scale=SHARE");
   app.add_flag("--print-parameters", print_parameters, "print docs/parameters.md and exit");
   try {
     app.parse(argc, argv);

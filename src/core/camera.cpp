@@ -52,6 +52,16 @@ Camera::Camera(int width, int height, double fx, double fy, double cx, double cy
   if (distortion_ == DistortionModel::kPlumbBob) coefficients_.resize(5, 0.0);
 }
 
+Camera Camera::WithFocalLength(double factor) const {
+  if (!(factor > 0)) {
+    throw std::invalid_argument("focal length times " + std::to_string(factor) + ", expected a positive factor");
+  }
+  Camera camera = *this;
+  camera.fx_ *= factor;
+  camera.fy_ *= factor;
+  return camera;
+}
+
 Camera Camera::Undistorted() const { return {width_, height_, fx_, fy_, cx_, cy_, "none", {}}; }
 
 std::optional<Eigen::Vector2d> Camera::Distort(const Eigen::Vector2d& x) const {

@@ -44,10 +44,11 @@ void DisturbanceOptions::Add(const std::string& text) {
     depth_latency_s = NumberIn(value, text, "seconds");
     return;
   }
+  if (miscalibration.Add(key, value)) return;
   if (key != "event_loss" && key != "hot_pixels") {
     throw std::invalid_argument("disturbance '" + text +
                                 "': expected event_gap=FROM:TO, depth_gap=FROM:TO, depth_latency=SECONDS, "
-                                "event_loss=SHARE or hot_pixels=SHARE");
+                                "event_loss=SHARE, hot_pixels=SHARE or an error of the calibration");
   }
   constexpr const char* kExpected = "a share from 0 to 1";
   const double share = NumberIn(value, text, kExpected);

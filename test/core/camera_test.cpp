@@ -238,5 +238,14 @@ TEST_P(BadCameraTest, IsRejectedWithTheValueNamed) {
   }
 }
 
+TEST(Camera, MagnifiesTheImageAboutItsPrincipalPointWithALongerFocalLength) {
+  const Camera camera(640, 480, 500, 510, 320, 240, "plumb_bob", {-0.1, 0.02, 1e-3, -1e-3, 0.01});
+  const Camera longer = camera.WithFocalLength(1.1);
+  const Eigen::Vector3d p(0.2, -0.1, 1);
+  const Eigen::Vector2d centre(320, 240);
+  EXPECT_LT((*longer.Project(p) - centre - 1.1 * (*camera.Project(p) - centre)).norm(), 1e-9);
+  EXPECT_THROW(camera.WithFocalLength(0), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace devo

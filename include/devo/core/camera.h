@@ -34,6 +34,9 @@ class Camera {
   /// Same focal lengths, principal point and size, without distortion: the undistorted image.
   Camera Undistorted() const;
 
+  /// The same, but with focal lengths this many times as long. Throws std::invalid_argument where that is not positive.
+  Camera WithFocalLength(double factor) const;
+
   int width() const { return width_; }
   int height() const { return height_; }
   double fx() const { return fx_; }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "devo/core/event.h"
+#include "devo/io/miscalibration.h"
 
 namespace devo {
 
@@ -21,12 +22,14 @@ struct DisturbanceOptions {
   double event_loss = 0;       ///< share of the events that are lost at random, 0 to 1
   double hot_pixel_share = 0;  ///< share of the pixels that fire by themselves, 100 times a second on average, 0 to 1
   double depth_latency_s = 0;  ///< from a depth image's time to its arrival among the events
+  Miscalibration miscalibration;
 
   bool any() const {
     return !event_gaps.empty() || !depth_gaps.empty() || event_loss > 0 || hot_pixel_share > 0 || depth_latency_s > 0;
   }
 
-  /// Adds `event_gap=FROM:TO`, `depth_gap=FROM:TO`, `depth_latency=SECONDS`, `event_loss=SHARE` or `hot_pixels=SHARE`.
+  /// Adds `event_gap=FROM:TO`, `depth_gap=FROM:TO`, `depth_latency=SECONDS`, `event_loss=SHARE`, `hot_pixels=SHARE` or
+  /// what Miscalibration::Add takes.
   /// Throws std::invalid_argument naming the text and what was expected.
   void Add(const std::string& text);
 };

@@ -38,8 +38,9 @@ constexpr double kInertialCoast_s = 2;        // lost, it still tells where the 
 // Where a pose is suspicious a better is sought, every few surfaces.
 constexpr double kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
-// Before it was noticed that a pose is false, it was stated to be certain. Also in radians.
-constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03;
+// Before it was noticed that a pose is false, it was stated to be certain. Also in radians, but a gyroscope that fits
+// has followed the rotation.
+constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03, kInertialUnknown_rad = 0.005;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
 // So soon after depth agreed the prediction is more than a motion that is thought to go on.
@@ -563,8 +564,10 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   if (FollowsInertial() && depth_fusion_.AgreedWithin(kRulesOutSearch_s, surface.t_edges_ns)) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
-  const Matrix6d I = Matrix6d::Identity();
-  const Matrix6d wide = covariance + unknown_m * unknown_m * I;
+  const double unknown_rad = FollowsInertial() ? kInertialUnknown_rad : unknown_m;
+  Matrix6d wide = covariance;
+  wide.diagonal().head<3>().array() += unknown_m * unknown_m;
+  wide.diagonal().tail<3>().array() += unknown_rad * unknown_rad;
   // Depth that agreed a moment ago is not wrong now, whatever else looks like the view.
   const Matrix6d bounded = (wide.inverse() + depth_fusion_.BoundAt(surface.t_edges_ns)).inverse();
   const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, bounded, map_->chapter},

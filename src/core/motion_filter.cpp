@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 
 #include "devo/core/delay.h"
+#include "devo/core/inertial_measurement.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -27,12 +28,19 @@ constexpr double kStillSpeed_m_s = 0.01, kStillTurn_rad_s = 0.01;
 // before: the longer it seems to, the less likely.
 constexpr double kBraking_s = 0.05, kMistaken_s = 0.1;
 
-// Consumer parts: bias up to degrees per second when cold, and a mounting known to a degree.
+// Consumer parts: bias up to degrees per second when cold, scales right to a hundredth or two, a mounting known to half
+// a degree per axis and a place known to two centimetres, as by a ruler. The noise is what is left beside these:
+// vibration.
 constexpr double kGravity_m_s2 = 9.81;
-constexpr double kGyroscopeBias_rad_s = 0.05, kGyroscopeSigma_rad_s = 0.005, kGyroscopeShare = 0.01;
-constexpr double kAccelerometerBias_m_s2 = 0.2, kAccelerometerSigma_m_s2 = 0.3, kAccelerometerShare = 0.02;
+constexpr double kGyroscopeBias_rad_s = 0.05, kGyroscopeSigma_rad_s = 0.005, kGyroscopeShare = 0.003;
+constexpr double kGyroscopeScale = 0.007, kGyroscopeCross = 0.003, kMounting_rad = 0.01, kLever_m = 0.02;
+constexpr double kAccelerometerBias_m_s2 = 0.5, kAccelerometerSigma_m_s2 = 0.3, kAccelerometerShare = 0.01;
+constexpr double kAccelerometerScale = 0.02;
 constexpr double kLeastErrorShare = 0.2;  // of a steady sensor at rest: what it reads then holds for a while only
 constexpr double kGyroscopeWalk_rad_s = 5e-4, kAccelerometerWalk_m_s2 = 5e-3;  // in one second
+// Variances of scale, mounting and place, over those at the start, that a second adds for each time that the sensor
+// fits worse than a good one.
+constexpr double kMisfitWalk = 1e-3;
 constexpr double kKnownGravity_m_s2 = 1;  // its standard deviation, where accelerations are to be told from it
 // Of the mean of the first readings: the camera may be moving, and change its velocity by so much.
 constexpr double kGravitySpeed_m_s = 1, kMinGravitySigma_m_s2 = 0.5, kMaxGravitySigma_m_s2 = 4;
@@ -63,9 +71,7 @@ constexpr double kMaxShared_m = 0.02;  // in directions that alignments leave op
 // rotation speeds up alike.
 constexpr double kDelayStep = 0.6;
 
-// Where things are in the state.
-constexpr int kRho = 0, kPhi = 3, kV = 6, kOmega = 9, kA = 12, kGravity = 18, kGyroBias = 21, kAccBias = 24,
-              kDelay = 27, kSharedError = 28;
+using State = MotionState;
 
 /// Of a sensor's variance, by how many times larger its errors' squares are than a good one's: gently at first.
 double Widening(double misfit) { return std::max(1.0, misfit * misfit / (misfit + kTolerated)); }
@@ -78,6 +84,21 @@ double ErrorShareAtRest(const std::optional<InertialScatter>& scatter) {
       kLeastErrorShare, 1.0);
 }
 
+/// Of the gyroscope's error by columns. It and the accelerometer are mounted as one: what is askew makes the error
+/// antisymmetric.
+Eigen::Matrix<double, 9, 9> GyroscopeErrorVariance() {
+  Eigen::Matrix<double, 9, 9> variance = Eigen::Matrix<double, 9, 9>::Zero();
+  const double askew = kMounting_rad * kMounting_rad, cross = kGyroscopeCross * kGyroscopeCross;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      const int ij = i + 3 * j, ji = j + 3 * i;
+      variance(ij, ij) = i == j ? kGyroscopeScale * kGyroscopeScale : askew + cross;
+      if (i != j) variance(ij, ji) = -askew;
+    }
+  }
+  return variance;
+}
+
 Vector6d Both(double translation, double rotation) {
   Vector6d v;
   v << Eigen::Vector3d::Constant(translation), Eigen::Vector3d::Constant(rotation);
@@ -88,10 +109,7 @@ Vector6d Both(double translation, double rotation) {
 
 void MotionFilter::Reset() {
   started_ = false;
-  gravity_world_.setZero();
-  gyroscope_bias_.setZero();
-  accelerometer_bias_.setZero();
-  delay_s_ = 0;
+  state_ = {};
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
   reads_ = false;
@@ -100,23 +118,26 @@ void MotionFilter::Reset() {
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event) {
   if (!started_) {
     P_.setZero();
-    P_.diagonal().segment<3>(kGyroBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
-    P_.diagonal().segment<3>(kAccBias).setConstant(std::pow(kAccelerometerBias_m_s2, 2));
-    P_(kDelay, kDelay) = options_.max_delay_s > 0 ? std::pow(kDelaySigma_s, 2) : 0;
+    P_.diagonal().segment<3>(State::kGyroscopeBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
+    P_.diagonal().segment<3>(State::kAccelerometerBias).setConstant(std::pow(kAccelerometerBias_m_s2, 2));
+    P_(State::kDelay, State::kDelay) = options_.max_delay_s > 0 ? std::pow(kDelaySigma_s, 2) : 0;
+    P_.block<9, 9>(State::kGyroscopeError, State::kGyroscopeError) = GyroscopeErrorVariance();
+    P_.diagonal().segment<3>(State::kLeverError).setConstant(kLever_m * kLever_m);
+    P_(State::kAccelerometerScale, State::kAccelerometerScale) = kAccelerometerScale * kAccelerometerScale;
   }
   started_ = true;
   t_ns_ = t_ns;
-  velocity_ = velocity_event;
-  acceleration_.setZero();
+  state_.velocity = velocity_event;
+  state_.acceleration.setZero();
   SetPoseAsAtStart(T_world_event);
   SetMotion(Both(kStartSpeed_m_s, kStartTurn_rad_s));
 }
 
 void MotionFilter::SetPoseAsAtStart(const Rigid3& T_world_event) {
-  T_world_event_ = T_world_event;
-  shared_error_.setZero();
+  state_.T_world_event = T_world_event;
+  state_.shared_error.setZero();
   shared_variance_.setZero();
-  for (const int i : {kRho, kSharedError}) {
+  for (const int i : {State::kRho, State::kSharedError}) {
     P_.middleRows<6>(i).setZero();
     P_.middleCols<6>(i).setZero();
   }
@@ -125,18 +146,18 @@ void MotionFilter::SetPoseAsAtStart(const Rigid3& T_world_event) {
 }
 
 void MotionFilter::Anchor(const Rigid3& T_world_event) {
-  const Eigen::Matrix3d R = (T_world_event.rotation() * T_world_event_.rotation().conjugate()).toRotationMatrix();
-  gravity_world_ = (R * gravity_world_).eval();
-  P_.middleRows<3>(kGravity) = (R * P_.middleRows<3>(kGravity)).eval();
-  P_.middleCols<3>(kGravity) = (P_.middleCols<3>(kGravity) * R.transpose()).eval();
+  const Eigen::Matrix3d R = (T_world_event.rotation() * state_.T_world_event.rotation().conjugate()).toRotationMatrix();
+  state_.gravity_world = (R * state_.gravity_world).eval();
+  P_.middleRows<3>(State::kGravity) = (R * P_.middleRows<3>(State::kGravity)).eval();
+  P_.middleCols<3>(State::kGravity) = (P_.middleCols<3>(State::kGravity) * R.transpose()).eval();
   SetPoseAsAtStart(T_world_event);
 }
 
 void MotionFilter::SetMotion(const Vector6d& sigma_velocity) {
-  P_.middleRows<12>(kV).setZero();
-  P_.middleCols<12>(kV).setZero();
-  P_.diagonal().segment<6>(kV) = sigma_velocity.cwiseAbs2();
-  P_.diagonal().segment<6>(kA) = LiveliestVariance();
+  P_.middleRows<12>(State::kV).setZero();
+  P_.middleCols<12>(State::kV).setZero();
+  P_.diagonal().segment<6>(State::kV) = sigma_velocity.cwiseAbs2();
+  P_.diagonal().segment<6>(State::kA) = LiveliestVariance();
   manoeuvre_.Reset();
 }
 
@@ -144,24 +165,28 @@ Vector6d MotionFilter::LiveliestVariance() const {
   return Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
 }
 
-MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
+MotionFilter::Change MotionFilter::Propagate(double dt_s) {
   // Where exactly it stood the first events after a rest tell: without this they would seem to tell of a velocity.
   P_.topLeftCorner<6, 6>() += kBraking_s * kBraking_s * std::exchange(before_rest_, Matrix6d::Zero());
   const double fade = std::exp(-dt_s / kManeuver_s), shared_fade = std::exp(-dt_s / kShared_s);
-  const Vector6d step = velocity_ * dt_s + acceleration_ * (0.5 * dt_s * dt_s);
-  Matrix F = Matrix::Identity();
+  const Vector6d step = state_.velocity * dt_s + state_.acceleration * (0.5 * dt_s * dt_s);
+  Change F = Change::Identity();
   F.block<6, 6>(0, 0) = Adjoint(Exp(-step));
-  F.block<6, 6>(0, kV) = dt_s * Matrix6d::Identity();
-  F.block<6, 6>(0, kA) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
-  F.block<6, 6>(kV, kA) = dt_s * Matrix6d::Identity();
-  F.block<6, 6>(kA, kA) = fade * Matrix6d::Identity();
-  F.block<6, 6>(kSharedError, kSharedError) = shared_fade * Matrix6d::Identity();
+  F.block<6, 6>(0, State::kV) = dt_s * Matrix6d::Identity();
+  F.block<6, 6>(0, State::kA) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
+  F.block<6, 6>(State::kV, State::kA) = dt_s * Matrix6d::Identity();
+  F.block<6, 6>(State::kA, State::kA) = fade * Matrix6d::Identity();
+  F.block<6, 6>(State::kSharedError, State::kSharedError) = shared_fade * Matrix6d::Identity();
   // Singer: the acceleration's variance is stationary, its density follows from the time it takes to fade.
   const Vector6d q = 2 / kManeuver_s * manoeuvre_.variance_share() * LiveliestVariance();
-  P_ = (F * P_ * F.transpose()).eval();
+  constexpr int kFixed = State::kSize - State::kChanging;
+  P_.topLeftCorner<State::kChanging, State::kChanging>() =
+      (F * P_.topLeftCorner<State::kChanging, State::kChanging>() * F.transpose()).eval();
+  P_.topRightCorner<State::kChanging, kFixed>() = (F * P_.topRightCorner<State::kChanging, kFixed>()).eval();
+  P_.bottomLeftCorner<kFixed, State::kChanging>() = P_.topRightCorner<State::kChanging, kFixed>().transpose();
   const double d = dt_s, d2 = d * d, d3 = d2 * d, d4 = d3 * d, d5 = d4 * d;
   for (int i = 0; i < 6; ++i) {
-    const int v = i + kV, a = i + kA;
+    const int v = i + State::kV, a = i + State::kA;
     P_(i, i) += q[i] * d5 / 20;
     P_(i, v) += q[i] * d4 / 8;
     P_(v, i) += q[i] * d4 / 8;
@@ -172,61 +197,66 @@ MotionFilter::Matrix MotionFilter::Propagate(double dt_s) {
     P_(a, v) += q[i] * d2 / 2;
     P_(a, a) += q[i] * d;
   }
-  P_.block<6, 6>(kSharedError, kSharedError) += (1 - shared_fade * shared_fade) * shared_variance_;
+  P_.block<6, 6>(State::kSharedError, State::kSharedError) += (1 - shared_fade * shared_fade) * shared_variance_;
   // What a sensor that does not fit has said of gravity and biases is as wrong as it is.
   const double turn = Widening(turn_misfit_), push = Widening(push_misfit_);
   for (int i = 0; i < 3; ++i) {
-    P_(kGyroBias + i, kGyroBias + i) += turn * std::pow(kGyroscopeWalk_rad_s, 2) * dt_s;
-    P_(kAccBias + i, kAccBias + i) += push * std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
-    P_(kGravity + i, kGravity + i) += (std::max(turn, push) - 1) * std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
+    P_(State::kGyroscopeBias + i, State::kGyroscopeBias + i) += turn * std::pow(kGyroscopeWalk_rad_s, 2) * dt_s;
+    P_(State::kAccelerometerBias + i, State::kAccelerometerBias + i) +=
+        push * std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
+    P_(State::kGravity + i, State::kGravity + i) +=
+        (std::max(turn, push) - 1) * std::pow(kAccelerometerWalk_m_s2, 2) * dt_s;
   }
-  if (options_.max_delay_s > 0) P_(kDelay, kDelay) += std::pow(kDelayWalk_s, 2) * dt_s;
-  T_world_event_ = T_world_event_ * Exp(step);
-  velocity_ += acceleration_ * dt_s;
-  acceleration_ *= fade;
-  shared_error_ *= shared_fade;
+  P_.block<9, 9>(State::kGyroscopeError, State::kGyroscopeError) +=
+      (turn - 1) * dt_s * kMisfitWalk * GyroscopeErrorVariance();
+  P_.diagonal().segment<3>(State::kLeverError).array() += (push - 1) * dt_s * kMisfitWalk * kLever_m * kLever_m;
+  P_(State::kAccelerometerScale, State::kAccelerometerScale) +=
+      (push - 1) * dt_s * kMisfitWalk * kAccelerometerScale * kAccelerometerScale;
+  if (options_.max_delay_s > 0) P_(State::kDelay, State::kDelay) += std::pow(kDelayWalk_s, 2) * dt_s;
+  state_.T_world_event = state_.T_world_event * Exp(step);
+  state_.velocity += state_.acceleration * dt_s;
+  state_.acceleration *= fade;
+  state_.shared_error *= shared_fade;
   return F;
 }
 
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
   ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
-  return ahead.Now(ahead.velocity_);
+  return ahead.Now(ahead.state_.velocity);
 }
 
 MotionFilter::Prediction MotionFilter::AtRest() const { return Now(Vector6d::Zero()); }
 
 MotionFilter::Prediction MotionFilter::Now(const Vector6d& velocity_event) const {
-  return {T_world_event_,
-          velocity_event,
-          velocity_covariance(),
-          PriorCovariance(Shown::kPose),
-          Predicted(Shown::kAligned),
-          PriorCovariance(Shown::kAligned)};
+  return {state_.T_world_event,       velocity_event,
+          velocity_covariance(),      PriorCovariance(Shown::kPose),
+          Predicted(Shown::kAligned), PriorCovariance(Shown::kAligned)};
 }
 
 Rigid3 MotionFilter::Predicted(Shown shown) const {
-  return shown == Shown::kAligned ? T_world_event_ * Exp(shared_error_) : T_world_event_;
+  return shown == Shown::kAligned ? state_.T_world_event * Exp(state_.shared_error) : state_.T_world_event;
 }
 
 MotionFilter::Columns MotionFilter::CovarianceWith(Shown shown) const {
   Columns covariance = P_.leftCols<6>();
-  if (shown == Shown::kAligned) covariance += P_.middleCols<6>(kSharedError);
+  if (shown == Shown::kAligned) covariance += P_.middleCols<6>(State::kSharedError);
   return covariance;
 }
 
 Matrix6d MotionFilter::CovarianceOf(Shown shown) const {
   const Columns with = CovarianceWith(shown);
   Matrix6d covariance = with.topRows<6>();
-  if (shown == Shown::kAligned) covariance += with.middleRows<6>(kSharedError);
+  if (shown == Shown::kAligned) covariance += with.middleRows<6>(State::kSharedError);
   return covariance;
 }
 
 Matrix6d MotionFilter::PriorCovariance(Shown shown) const {
   // As if the delay were known: not knowing it would let go of rotation, which the gyroscope knows best.
   Matrix6d covariance = CovarianceOf(shown);
-  const Vector6d with_delay = CovarianceWith(shown).row(kDelay);
-  if (P_(kDelay, kDelay) > 0) covariance -= with_delay * with_delay.transpose() / P_(kDelay, kDelay);
+  const Vector6d with_delay = CovarianceWith(shown).row(State::kDelay);
+  if (P_(State::kDelay, State::kDelay) > 0)
+    covariance -= with_delay * with_delay.transpose() / P_(State::kDelay, State::kDelay);
   return covariance;
 }
 
@@ -246,18 +276,12 @@ void MotionFilter::Condition(std::int64_t t_ns, Shown shown, const Rigid3& T_wor
   const Columns gain = CovarianceWith(shown) * P_shown_inverse;
   const Vector6d moved = Log(Predicted(shown).inverse() * T_world_measured);
   NoteFit(moved, shown, information, variance_scale);
-  T_world_event_ = T_world_event_ * Exp(gain.topRows<6>() * moved);
-  velocity_ += gain.middleRows<6>(kV) * moved;
-  acceleration_ += gain.middleRows<6>(kA) * moved;
-  gravity_world_ += gain.middleRows<3>(kGravity) * moved;
-  gyroscope_bias_ += gain.middleRows<3>(kGyroBias) * moved;
-  accelerometer_bias_ += gain.middleRows<3>(kAccBias) * moved;
-  shared_error_ += gain.middleRows<6>(kSharedError) * moved;
+  state_.Correct(gain * moved);
   const Matrix6d P_shown_after = (P_shown_inverse + information).ldlt().solve(I);
   const Matrix drop = gain * (P_shown - P_shown_after) * gain.transpose();
   P_ -= drop;
-  delay_s_ = StepDelay(delay_s_, kDelayStep * gain.row(kDelay).dot(moved), options_.max_delay_s);
-  P_(kDelay, kDelay) += (1 - DropOfStep(kDelayStep)) * drop(kDelay, kDelay);
+  state_.delay_s = StepDelay(state_.delay_s, kDelayStep * gain.row(State::kDelay).dot(moved), options_.max_delay_s);
+  P_(State::kDelay, State::kDelay) += (1 - DropOfStep(kDelayStep)) * drop(State::kDelay, State::kDelay);
   NoteManoeuvre(moved, P_shown - P_shown_after);
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
@@ -288,11 +312,11 @@ void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected
   if (!options_.ideas.calm_motion || reads_) return;
   const double since_s = SecondsFromNs(t_ns_ - std::exchange(manoeuvre_ns_, t_ns_));
   const double before = manoeuvre_.variance_share();
-  const Vector6d found = acceleration_.cwiseAbs2().cwiseQuotient(LiveliestVariance());
+  const Vector6d found = state_.acceleration.cwiseAbs2().cwiseQuotient(LiveliestVariance());
   manoeuvre_.Note(since_s, NormalisedSquare(moved, expected) / 6,
                   std::max(found.head<3>().mean(), found.tail<3>().mean()));
   // So much more is possible than was when the acceleration was found.
-  P_.diagonal().segment<6>(kA) += std::max(0.0, manoeuvre_.variance_share() - before) * LiveliestVariance();
+  P_.diagonal().segment<6>(State::kA) += std::max(0.0, manoeuvre_.variance_share() - before) * LiveliestVariance();
 }
 
 void MotionFilter::NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& information, double variance_scale) {
@@ -320,15 +344,15 @@ void MotionFilter::NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& i
   push_misfit_shown_ = std::max(push_misfit_shown_, push_misfit_);
 }
 
-Matrix6d MotionFilter::velocity_covariance() const { return P_.block<6, 6>(kV, kV); }
+Matrix6d MotionFilter::velocity_covariance() const { return P_.block<6, 6>(State::kV, State::kV); }
 
-double MotionFilter::delay_variance_s2() const { return P_(kDelay, kDelay); }
+double MotionFilter::delay_variance_s2() const { return P_(State::kDelay, State::kDelay); }
 
 double MotionFilter::gyroscope_trust() const { return 1 / std::sqrt(Widening(turn_misfit_)); }
 
 bool MotionFilter::knows_acceleration() const {
   return force_m_s2_ > 0 && knows_gravity() && !FitsBadly(inertial_fit().accelerometer) &&
-         P_.diagonal().segment<3>(kGravity).sum() < kKnownGravity_m_s2 * kKnownGravity_m_s2;
+         P_.diagonal().segment<3>(State::kGravity).sum() < kKnownGravity_m_s2 * kKnownGravity_m_s2;
 }
 
 InertialFit MotionFilter::inertial_fit() const {
@@ -352,94 +376,54 @@ InertialMean MotionFilter::Usable(InertialMean inertial, double dt_s) {
 
 void MotionFilter::LearnGravity(const Eigen::Vector3d& force_event, double span_s) {
   if (!IsPlausibleForce(force_event.norm())) return;
-  gravity_world_ = -kGravity_m_s2 * (T_world_event_.rotation() * force_event.normalized());
+  state_.gravity_world = -kGravity_m_s2 * (state_.T_world_event.rotation() * force_event.normalized());
   const double sigma = std::clamp(kGravitySpeed_m_s / span_s, kMinGravitySigma_m_s2, kMaxGravitySigma_m_s2);
-  P_.diagonal().segment<3>(kGravity).setConstant(sigma * sigma);
+  P_.diagonal().segment<3>(State::kGravity).setConstant(sigma * sigma);
 }
 
-MotionFilter::Measurement MotionFilter::Turn(const InertialMean& inertial, const MotionFilter& before,
-                                             double dt_s) const {
-  Measurement m;
-  const Eigen::Vector3d turned = LogSO3(before.T_world_event_.rotation().conjugate() * T_world_event_.rotation());
-  m.residual = inertial.angular_velocity * dt_s - (turned + gyroscope_bias_ * dt_s);
-  m.H.middleCols<3>(kPhi).setIdentity();
-  m.H.middleCols<3>(kGyroBias) = dt_s * Eigen::Matrix3d::Identity();
-  // By how much the rate changes per second, of the poses so far: this reading's noise is not in it.
-  m.H.col(kDelay) = dt_s * before.acceleration_.tail<3>();
-  m.H_before.middleCols<3>(kPhi) = -ExpSO3(-turned).toRotationMatrix();
-  m.sigma = dt_s * std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm());
-  m.sigma *= std::sqrt(Widening(turn_misfit_));
-  return m;
+double MotionFilter::TurnSigma(const InertialMean& inertial) const {
+  return std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm()) *
+         std::sqrt(Widening(turn_misfit_));
 }
 
-MotionFilter::Measurement MotionFilter::Push(const InertialMean& inertial, const MotionFilter& before,
-                                             double dt_s) const {
-  // Velocities of the sensor in the world, and the frame of the span's middle, in which the mean was taken.
-  const Eigen::Vector3d& r = inertial.p_event_imu;
-  const Eigen::Vector3d v = velocity_.head<3>() + velocity_.tail<3>().cross(r);
-  const Eigen::Vector3d v_before = before.velocity_.head<3>() + before.velocity_.tail<3>().cross(r);
-  const Eigen::Vector3d half = 0.5 * dt_s * (inertial.angular_velocity - gyroscope_bias_);
-  const Eigen::Matrix3d R = T_world_event_.rotation().toRotationMatrix();
-  const Eigen::Matrix3d R_before = before.T_world_event_.rotation().toRotationMatrix();
-  const Eigen::Matrix3d R_middle = R_before * ExpSO3(half).toRotationMatrix();
-  const Eigen::Matrix3d A = R_middle.transpose() * R, R_middle_before = R_middle.transpose() * R_before;
-  const Eigen::Vector3d pushed = R_middle.transpose() * (R * v - R_before * v_before - gravity_world_ * dt_s);
-
-  Measurement m;
-  m.residual = *inertial.linear_acceleration * dt_s - (pushed + accelerometer_bias_ * dt_s);
-  m.H.middleCols<3>(kPhi) = -A * Hat(v);
-  m.H.middleCols<3>(kV) = A;
-  m.H.middleCols<3>(kOmega) = -A * Hat(r);
-  m.H.middleCols<3>(kGravity) = -dt_s * R_middle.transpose();
-  m.H.middleCols<3>(kAccBias) = dt_s * Eigen::Matrix3d::Identity();
-  m.H_before.middleCols<3>(kPhi) = R_middle_before * Hat(v_before) + Hat(pushed) * R_middle_before;
-  m.H_before.middleCols<3>(kV) = -R_middle_before;
-  m.H_before.middleCols<3>(kOmega) = R_middle_before * Hat(r);
+double MotionFilter::PushSigma(const InertialMean& inertial) const {
   const double beyond_gravity = std::abs(inertial.linear_acceleration->norm() - kGravity_m_s2);
-  m.sigma = dt_s * std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity);
-  m.sigma *= std::sqrt(Widening(push_misfit_));
-  return m;
+  return std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity) * std::sqrt(Widening(push_misfit_));
 }
 
-void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s,
+void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Change& F, double dt_s,
                            double error_share) {
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, kStates, 0, 6, kStates>;
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, State::kSize, 0, 6, State::kSize>;
   using Column = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
   const int n = inertial.linear_acceleration ? 6 : 3;
-  Rows H(n, kStates), H_before(n, kStates);
+  Rows H(n, State::kSize), H_before(n, State::kSize);
   Column residual(n), variance(n);
-  const auto add = [&](int row, const Measurement& m) {
-    H.middleRows<3>(row) = m.H;
+  const auto add = [&](int row, const InertialMeasurement& m, double sigma) {
+    H.middleRows<3>(row) = m.H_after;
     H_before.middleRows<3>(row) = m.H_before;
     residual.segment<3>(row) = m.residual;
-    variance.segment<3>(row).setConstant(std::pow(error_share * m.sigma, 2));
+    variance.segment<3>(row).setConstant(std::pow(error_share * dt_s * sigma, 2));
   };
-  add(0, Turn(inertial, before, dt_s));
-  if (n == 6) add(3, Push(inertial, before, dt_s));
+  add(0, MeasuredTurn(inertial, before.state_, state_, dt_s), TurnSigma(inertial));
+  if (n == 6) add(3, MeasuredPush(inertial, before.state_, state_, dt_s), PushSigma(inertial));
 
   // Covariances of the state now and of the measurement with it: the state before is correlated through F.
-  const Matrix C = F * before.P_;
-  const Eigen::Matrix<double, kStates, Eigen::Dynamic, 0, kStates, 6> P_z =
+  Matrix C = before.P_;
+  C.topRows<State::kChanging>() = (F * before.P_.topRows<State::kChanging>()).eval();
+  const Eigen::Matrix<double, State::kSize, Eigen::Dynamic, 0, State::kSize, 6> P_z =
       P_ * H.transpose() + C * H_before.transpose();
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> S =
       H * P_z + H_before * (C.transpose() * H.transpose() + before.P_ * H_before.transpose());
   S.diagonal() += variance;
   const double square = residual.dot(S.ldlt().solve(residual));
   if (square > kMaxNormalisedSquare) S *= square / kMaxNormalisedSquare;
-  const Eigen::Matrix<double, kStates, Eigen::Dynamic, 0, kStates, 6> gain =
+  const Eigen::Matrix<double, State::kSize, Eigen::Dynamic, 0, State::kSize, 6> gain =
       S.ldlt().solve(P_z.transpose()).transpose();
-  const Vector correction = gain * residual;
-  T_world_event_ = T_world_event_ * Exp(correction.segment<6>(kRho));
-  velocity_ += correction.segment<6>(kV);
-  acceleration_ += correction.segment<6>(kA);
-  gravity_world_ += correction.segment<3>(kGravity);
-  gyroscope_bias_ += correction.segment<3>(kGyroBias);
-  accelerometer_bias_ += correction.segment<3>(kAccBias);
-  shared_error_ += correction.segment<6>(kSharedError);
+  state_.Correct(gain * residual);
   // How the readings differ from a fading acceleration grows with the acceleration, too: only poses tell of a delay.
-  const double delay_variance = P_(kDelay, kDelay);
+  const double delay_variance = P_(State::kDelay, State::kDelay);
   P_ -= gain * S * gain.transpose();
-  P_(kDelay, kDelay) = delay_variance;
+  P_(State::kDelay, State::kDelay) = delay_variance;
   P_ = (0.5 * (P_ + P_.transpose())).eval();
 }
 
@@ -448,7 +432,7 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   if (dt_s <= 0) return;
   const InertialMean usable = Usable(inertial, dt_s);
   const MotionFilter before = *this;
-  const Matrix F = Propagate(dt_s);
+  const Change F = Propagate(dt_s);
   t_ns_ = t_ns;
   Correct(usable, before, F, dt_s);
   read_turn_s_ += dt_s;
@@ -459,23 +443,23 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
                              const std::optional<InertialScatter>& scatter) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   t_ns_ = t_ns;
-  if (!velocity_.isZero()) {
-    before_rest_ = velocity_ * velocity_.transpose() + velocity_covariance();
+  if (!state_.velocity.isZero()) {
+    before_rest_ = state_.velocity * state_.velocity.transpose() + velocity_covariance();
     rested_s_ = 0;
   }
   rested_s_ += dt_s;
   const auto stand = [this] {
-    velocity_.setZero();
-    acceleration_.setZero();
+    state_.velocity.setZero();
+    state_.acceleration.setZero();
     SetMotion(Both(kStillSpeed_m_s, kStillTurn_rad_s));
-    P_.block<6, 6>(kV, kV) += std::exp(-2 * rested_s_ / kMistaken_s) * before_rest_;
+    P_.block<6, 6>(State::kV, State::kV) += std::exp(-2 * rested_s_ / kMistaken_s) * before_rest_;
   };
   stand();
   if (!inertial || dt_s <= 0) return;
   const InertialMean usable = Usable(*inertial, dt_s);
-  const Rigid3 T_world_event = T_world_event_;
-  Correct(usable, *this, Matrix::Identity(), dt_s, ErrorShareAtRest(scatter));
-  T_world_event_ = T_world_event;
+  const Rigid3 T_world_event = state_.T_world_event;
+  Correct(usable, *this, Change::Identity(), dt_s, ErrorShareAtRest(scatter));
+  state_.T_world_event = T_world_event;
   stand();
 }
 
@@ -488,8 +472,8 @@ void MotionFilter::Coast(std::int64_t t_ns) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s > 0) Propagate(dt_s);
   t_ns_ = t_ns;
-  acceleration_.setZero();
-  velocity_ *= std::exp(-dt_s / kCoast_s);
+  state_.acceleration.setZero();
+  state_.velocity *= std::exp(-dt_s / kCoast_s);
   // Coasting for long must not let the covariance overflow what a search can cover.
   P_ = P_ / std::max(1.0, P_.diagonal().head<6>().maxCoeff());
 }

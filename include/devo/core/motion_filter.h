@@ -4,9 +4,11 @@
 // acceleration, driven by white jerk, with the acceleration fading (Singer, "Estimating optimal tracking filter
 // performance for manned maneuvering targets", 1970). Its prediction is the prior of the alignment, so that
 // directions that one surface leaves open are held by what earlier surfaces said of them. An inertial sensor, where
-// there is one, measures how rotation and velocity change from pose to pose; its biases, the direction of gravity and
-// the delay of events against it are states too. Its noise is not taken for granted: the more poses contradict it, the
-// less it counts (after Sage and Husa, "Adaptive filtering with unknown prior statistics", 1969).
+// there is one, measures how rotation and velocity change from pose to pose; its biases, scales, mounting and place,
+// the direction of gravity and the delay of events against it are states too (as Furgale, Rehder and Siegwart
+// calibrate, "Unified temporal and spatial calibration for multi-sensor systems", 2013; Rehder et al., "Extending
+// kalibr", 2016). Its noise is not taken for granted: the more poses contradict it, the less it counts (after Sage and
+// Husa, "Adaptive filtering with unknown prior statistics", 1969).
 //
 // What alignments to successive surfaces err alike (the same points, the same smear) is no noise, and would pass for
 // motion: it is a state too, a first-order Gauss-Markov process (coloured measurement noise: Bryson and Henrikson,
@@ -21,6 +23,7 @@
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/inertial_fit.h"
 #include "devo/core/manoeuvre.h"
+#include "devo/core/motion_state.h"
 #include "devo/core/options.h"
 #include "devo/core/rigid3.h"
 
@@ -34,8 +37,8 @@ class MotionFilter {
   void SetOptions(const TrackingOptions& options) { options_ = options; }
 
   /// Starts with a velocity [v; omega] of and in the event frame, by default at rest, known to
-  /// within 0.3 m/s and 1 rad/s, at a pose known to a millimetre and milliradian. What is known of gravity and biases
-  /// stays.
+  /// within 0.3 m/s and 1 rad/s, at a pose known to a millimetre and milliradian. What is known of gravity and of
+  /// the inertial sensor stays.
   void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero());
 
   /// The same moment in another world, in which the pose is as well known as at a start.
@@ -85,7 +88,7 @@ class MotionFilter {
   /// change of velocity counts in it. To be called once, before Advance, which otherwise takes its first reading. A
   /// force that cannot be gravity is not taken.
   void LearnGravity(const Eigen::Vector3d& force_event, double span_s);
-  bool knows_gravity() const { return !gravity_world_.isZero(); }
+  bool knows_gravity() const { return !state_.gravity_world.isZero(); }
 
   /// Goes on to `t_ns` with what an inertial sensor read since the last update.
   void Advance(std::int64_t t_ns, const InertialMean& inertial);
@@ -102,19 +105,18 @@ class MotionFilter {
   void Coast(std::int64_t t_ns);
 
   std::int64_t time_ns() const { return t_ns_; }
-  const Rigid3& pose() const { return T_world_event_; }
+  const Rigid3& pose() const { return state_.T_world_event; }
   Matrix6d pose_covariance() const { return P_.topLeftCorner<6, 6>(); }
-  const Vector6d& velocity_event() const { return velocity_; }          ///< [v; omega], m/s and rad/s
-  Matrix6d velocity_covariance() const;                                 ///< of [v; omega], m/s and rad/s
-  const Vector6d& acceleration_event() const { return acceleration_; }  ///< its change, m/s^2 and rad/s^2
+  const Vector6d& velocity_event() const { return state_.velocity; }          ///< [v; omega], m/s and rad/s
+  Matrix6d velocity_covariance() const;                                       ///< of [v; omega], m/s and rad/s
+  const Vector6d& acceleration_event() const { return state_.acceleration; }  ///< its change, m/s^2 and rad/s^2
   bool started() const { return started_; }
-  const Eigen::Vector3d& gravity_world() const { return gravity_world_; }    ///< m/s^2; zero: not known
-  const Eigen::Vector3d& gyroscope_bias() const { return gyroscope_bias_; }  ///< rad/s, event frame
+  const Eigen::Vector3d& gravity_world() const { return state_.gravity_world; }  ///< m/s^2; zero: not known
+  const MotionState& state() const { return state_; }
   /// By how much later than the inertial sensor's stamps events show the same motion, s: what they read over [a, b] is
   /// to be given for [a + delay, b + delay].
-  double delay_s() const { return delay_s_; }
+  double delay_s() const { return state_.delay_s; }
   double delay_variance_s2() const;
-  const Eigen::Vector3d& accelerometer_bias() const { return accelerometer_bias_; }  ///< m/s^2, event frame
   /// A good gyroscope's errors over those that it is taken to have now, up to 1.
   double gyroscope_trust() const;
   /// Whether an accelerometer that fits the motion is in use, and it is known which way is down.
@@ -124,28 +126,19 @@ class MotionFilter {
   void Reset();
 
  private:
-  static constexpr int kStates = 34;
-  using Vector = Eigen::Matrix<double, kStates, 1>;
-  using Matrix = Eigen::Matrix<double, kStates, kStates>;
-
-  /// A measurement that depends on the state before a step and after it.
-  struct Measurement {
-    Eigen::Matrix<double, 3, kStates> H_before = Eigen::Matrix<double, 3, kStates>::Zero();
-    Eigen::Matrix<double, 3, kStates> H = Eigen::Matrix<double, 3, kStates>::Zero();
-    Eigen::Vector3d residual;
-    double sigma;
-  };
+  using Matrix = Eigen::Matrix<double, MotionState::kSize, MotionState::kSize>;
+  using Change = Eigen::Matrix<double, MotionState::kChanging, MotionState::kChanging>;
 
   /// What a measurement shows: the pose, or where alignments find it.
   enum class Shown { kPose, kAligned };
-  using Columns = Eigen::Matrix<double, kStates, 6>;
+  using Columns = Eigen::Matrix<double, MotionState::kSize, 6>;
 
   void SetPoseAsAtStart(const Rigid3& T_world_event);
   void SetMotion(const Vector6d& sigma_velocity);
-  /// Returns the derivative of the new state by the old one.
-  Matrix Propagate(double dt_s);
+  /// Returns the derivative of what changes by what it was.
+  Change Propagate(double dt_s);
   /// `error_share`: of the errors that the sensor has in motion.
-  void Correct(const InertialMean& inertial, const MotionFilter& before, const Matrix& F, double dt_s,
+  void Correct(const InertialMean& inertial, const MotionFilter& before, const Change& F, double dt_s,
                double error_share = 1);
   /// Of this moment, with this velocity.
   Prediction Now(const Vector6d& velocity_event) const;
@@ -164,28 +157,23 @@ class MotionFilter {
   void NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& information, double variance_scale);
   /// Without the accelerometer where that cannot be one in m/s^2.
   InertialMean Usable(InertialMean inertial, double dt_s);
-  Measurement Turn(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
-  Measurement Push(const InertialMean& inertial, const MotionFilter& before, double dt_s) const;
+  /// Standard deviations of the sensor's readings in motion, rad/s and m/s^2.
+  double TurnSigma(const InertialMean& inertial) const;
+  double PushSigma(const InertialMean& inertial) const;
 
   TrackingOptions options_;
   Manoeuvre manoeuvre_;
   std::int64_t manoeuvre_ns_ = 0;  // of the pose that it was told of last
   bool started_ = false;
   std::int64_t t_ns_ = 0;
-  Rigid3 T_world_event_;
-  Vector6d velocity_ = Vector6d::Zero(), acceleration_ = Vector6d::Zero();  // of and in the event frame
-  Eigen::Vector3d gravity_world_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d gyroscope_bias_ = Eigen::Vector3d::Zero(), accelerometer_bias_ = Eigen::Vector3d::Zero();
-  double delay_s_ = 0;
-  Vector6d shared_error_ = Vector6d::Zero();  // right perturbation [rho; phi] from the pose to where alignments find it
+  MotionState state_;
   Matrix6d shared_variance_ = Matrix6d::Zero();  // that it tends to
   double turn_misfit_ = 0, push_misfit_ = 0;     // variances of gyroscope and accelerometer over those of good ones
   double turn_misfit_shown_ = 0, push_misfit_shown_ = 0;
   double read_turn_s_ = 0, read_push_s_ = 0;  // since the last pose
   double force_m_s2_ = 0;                     // mean; 0: not known
   bool reads_ = false;
-  // Of [right perturbation of the pose; velocity; acceleration; gravity; gyroscope's bias; accelerometer's bias;
-  // delay; error that alignments share].
+  // Of the state; of the pose as a right perturbation.
   Matrix P_ = Matrix::Zero();
   Matrix6d before_rest_ = Matrix6d::Zero();  // mean square of the velocity, while it is held still
   double rested_s_ = 0;

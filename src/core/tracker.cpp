@@ -40,7 +40,7 @@ constexpr double kBetterBy = 0.1;
 constexpr double kSearchEvery_s = 0.04;
 // Before it was noticed that a pose is false, it was stated to be certain. Also in radians, but a gyroscope that fits
 // has followed the rotation.
-constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.03, kInertialUnknown_rad = 0.005;
+constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.015, kInertialUnknown_rad = 0.005;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
 // So soon after depth agreed the prediction is more than a motion that is thought to go on.

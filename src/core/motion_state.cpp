@@ -16,10 +16,17 @@ void MotionState::Correct(const Vector& by) {
   accelerometer_scale_error += by[kAccelerometerScale];
 }
 
-Eigen::Matrix3d MotionState::Mounting() const {
+Eigen::Vector3d MotionState::MountingAngles() const {
   // The antisymmetric part.
   const Eigen::Matrix3d& M = gyroscope_error;
-  return ExpSO3(0.5 * Eigen::Vector3d(M(2, 1) - M(1, 2), M(0, 2) - M(2, 0), M(1, 0) - M(0, 1))).toRotationMatrix();
+  return 0.5 * Eigen::Vector3d(M(2, 1) - M(1, 2), M(0, 2) - M(2, 0), M(1, 0) - M(0, 1));
+}
+
+Eigen::Matrix3d MotionState::Mounting() const { return ExpSO3(MountingAngles()).toRotationMatrix(); }
+
+InertialCalibration MotionState::Calibration() const {
+  return {gyroscope_bias, gyroscope_error.diagonal(), accelerometer_bias, accelerometer_scale_error, MountingAngles(),
+          lever_error_m};
 }
 
 }  // namespace devo

@@ -265,6 +265,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.chapter = map_->chapter;
   pose.state = state_;
   pose.inertial_fit = motion_.inertial_fit();
+  if (pose.inertial_fit.gyroscope > 0) pose.inertial_calibration = motion_.state().Calibration();
   if (std::exchange(anew_, false)) pose.earlier = {{started_ns_, T_world_started_}};
   ContinueToNow(held_, &pose);
   return pose;

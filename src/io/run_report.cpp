@@ -24,6 +24,16 @@ Json StageJson(const std::vector<float>& ms) {
   return json;
 }
 
+Json CalibrationJson(const InertialCalibration& calibration) {
+  const auto xyz = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
+  return {{"gyroscope_bias_rad_s", xyz(calibration.gyroscope_bias)},
+          {"gyroscope_scale", xyz(calibration.gyroscope_scale)},
+          {"accelerometer_bias_m_s2", xyz(calibration.accelerometer_bias)},
+          {"accelerometer_scale", calibration.accelerometer_scale},
+          {"rotation_rad", xyz(calibration.rotation)},
+          {"translation_m", xyz(calibration.translation_m)}};
+}
+
 /// The work from a surface's events to its pose. Offline nothing queues; filtering, done ahead of the last event,
 /// counts.
 std::vector<float> EventToPose(const Odometry::Timings& timings) {
@@ -54,6 +64,7 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   trajectory_.push_back({estimate.t_ns, estimate.T_world_event});
   covariances_.push_back(estimate.covariance_event);
   delays_ = estimate.delays;
+  inertial_calibration_ = estimate.inertial_calibration;
   if (estimate.inertial_fit.gyroscope > 0) {
     gyroscope_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope));
     accelerometer_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer));
@@ -89,6 +100,7 @@ std::string RunReport::ToJson() const {
                           {"accelerometer", fit.accelerometer},
                           {"force_m_s2", fit.force_m_s2},
                           {"complaint", Complaint(fit)}};
+  json["inertial_calibration"] = inertial_calibration_ ? CalibrationJson(*inertial_calibration_) : Json(nullptr);
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,
                            TrackingState::kLost, TrackingState::kRecovered}) {
     json["poses_by_state"][ToString(state)] = poses_by_state_[static_cast<int>(state)];

@@ -307,6 +307,14 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.addf("delay of the IMU (ms)", "%.1f", 1e3 * last_.delays.inertial_s);
   status.addf("gyroscope's errors (times a good one's)", "%.1f", last_.inertial_fit.gyroscope);
   status.addf("accelerometer's errors (times a good one's)", "%.1f", last_.inertial_fit.accelerometer);
+  if (last_.inertial_calibration) {
+    const auto add = [&status](const char* key, const Eigen::Vector3d& v) {
+      status.addf(key, "%.2f %.2f %.2f", v.x(), v.y(), v.z());
+    };
+    add("gyroscope reads too much about x, y, z (%)", 100 * last_.inertial_calibration->gyroscope_scale);
+    add("IMU turned against T_event_imu (deg)", 180 / M_PI * last_.inertial_calibration->rotation);
+    add("IMU shifted against T_event_imu (cm)", 100 * last_.inertial_calibration->translation_m);
+  }
   status.addf("tracking p50 (ms)", "%.2f", tracking_ms_.At(0.5));
   status.addf("tracking p99 (ms)", "%.2f", tracking_ms_.At(0.99));
   status.addf("tracking max (ms)", "%.2f", tracking_ms_.At(1));

@@ -100,6 +100,8 @@ TEST(MotionState, TakesTheMountingFromHowTheGyroscopeIsAskew) {
   state.gyroscope_error = Hat(askew);
   state.gyroscope_error.diagonal().setConstant(0.03);
   EXPECT_LT((state.Mounting() - ExpSO3(askew).toRotationMatrix()).norm(), 1e-12);
+  EXPECT_LT((state.Calibration().rotation - askew).norm(), 1e-12);
+  EXPECT_LT((state.Calibration().gyroscope_scale - Eigen::Vector3d::Constant(0.03)).norm(), 1e-12);
 }
 
 }  // namespace

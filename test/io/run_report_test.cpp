@@ -74,6 +74,22 @@ TEST(RunReport, SaysWhatIsWrongWithAnInertialSensorMostOfTheTime) {
   EXPECT_NE(json["complaint"].get<std::string>().find("rad/s"), std::string::npos);
 }
 
+TEST(RunReport, SaysWhatTheCalibrationOfAnInertialSensorLacksAtTheEnd) {
+  RunReport report(100);
+  EXPECT_TRUE(nlohmann::json::parse(report.ToJson())["inertial_calibration"].is_null()) << "there is no sensor";
+  PoseEstimate pose;
+  pose.state = TrackingState::kTracking;
+  pose.inertial_calibration = InertialCalibration{{1, 2, 3}, {0.01, 0, 0}, {4, 5, 6}, 0.03, {0, 0.02, 0}, {7, 8, 9}};
+  report.AddPose(pose);
+  const auto json = nlohmann::json::parse(report.ToJson())["inertial_calibration"];
+  EXPECT_EQ(json["gyroscope_bias_rad_s"], nlohmann::json({1, 2, 3}));
+  EXPECT_EQ(json["gyroscope_scale"][0], 0.01);
+  EXPECT_EQ(json["accelerometer_bias_m_s2"], nlohmann::json({4, 5, 6}));
+  EXPECT_EQ(json["accelerometer_scale"], 0.03);
+  EXPECT_EQ(json["rotation_rad"][1], 0.02);
+  EXPECT_EQ(json["translation_m"], nlohmann::json({7, 8, 9}));
+}
+
 TEST(Percentile, IsTheNearestRank) {
   EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 0.5), 3);
   EXPECT_EQ(Percentile({5, 1, 3, 2, 4}, 1.0), 5);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 
+#include "devo/core/inertial_calibration.h"
 #include "devo/core/rigid3.h"
 
 namespace devo {
@@ -35,6 +36,11 @@ struct MotionState {
   /// From the event frame to the accelerometer's, by the angle that the gyroscope is seen to be mounted askew: both are
   /// one part.
   Eigen::Matrix3d Mounting() const;
+
+  InertialCalibration Calibration() const;
+
+ private:
+  Eigen::Vector3d MountingAngles() const;  // rotation vector
 };
 
 }  // namespace devo

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "devo/core/inertial_calibration.h"
 #include "devo/core/inertial_fit.h"
 #include "devo/core/pose_history.h"
 #include "devo/core/rigid3.h"
@@ -40,6 +42,7 @@ struct PoseEstimate {
   /// T_world_event is where the camera was at `t_ns` also where events are late; `t_edges_ns` is the events' own time.
   SensorDelays delays;
   InertialFit inertial_fit;
+  std::optional<InertialCalibration> inertial_calibration;  ///< of a sensor in use; empty in another process
   int chapter = 0;         ///< of the map that it is registered to; between chapters, poses are related by a guess only
   bool needs_map = false;  ///< lost for so long that a new chapter is to begin here
   TrackingState state = TrackingState::kInitialising;

@@ -61,6 +61,7 @@ class RunReport {
   std::vector<Matrix6d> covariances_;
   int chapters_ = 0;
   SensorDelays delays_;                                        // of the last pose
+  std::optional<InertialCalibration> inertial_calibration_;    // the same
   std::vector<float> gyroscope_, accelerometer_, force_m_s2_;  // InertialFit of each pose with readings
   std::vector<Interval> lost_;
   bool lost_now_ = false;

@@ -37,7 +37,7 @@ InertialMeasurement MeasuredPush(const InertialMean& read, const MotionState& be
   const Eigen::Matrix3d R_middle = R_before * ExpSO3(half).toRotationMatrix();
   const Eigen::Matrix3d A = R_middle.transpose() * R, R_middle_before = R_middle.transpose() * R_before;
   const Eigen::Vector3d pushed = R_middle.transpose() * (R * v - R_before * v_before - after.gravity_world * dt_s);
-  const Eigen::Matrix3d mounting = (1 + after.accelerometer_scale_error) * after.Mounting();
+  const Eigen::Matrix3d askew = after.Mounting(), mounting = (1 + after.accelerometer_scale_error) * askew;
 
   InertialMeasurement m;
   m.residual = *read.linear_acceleration * dt_s - (mounting * pushed + after.accelerometer_bias * dt_s);
@@ -54,7 +54,7 @@ InertialMeasurement MeasuredPush(const InertialMean& read, const MotionState& be
     const Eigen::Matrix3d by_column = 0.5 * Hat(Eigen::Vector3d::Unit(j));
     m.H_after.middleCols<3>(State::kGyroscopeError + 3 * j) = -Hat(mounting * pushed) * by_column;
   }
-  m.H_after.col(State::kAccelerometerScale) = after.Mounting() * pushed;
+  m.H_after.col(State::kAccelerometerScale) = askew * pushed;
   m.H_before.middleCols<3>(State::kPhi) = R_middle_before * Hat(v_before) + Hat(pushed) * R_middle_before;
   m.H_before.middleCols<3>(State::kV) = -R_middle_before;
   m.H_before.middleCols<3>(State::kOmega) = R_middle_before * Hat(r);

@@ -86,7 +86,7 @@ double ErrorShareAtRest(const std::optional<InertialScatter>& scatter) {
 
 /// Of the gyroscope's error by columns. It and the accelerometer are mounted as one: what is askew makes the error
 /// antisymmetric.
-Eigen::Matrix<double, 9, 9> GyroscopeErrorVariance() {
+Eigen::Matrix<double, 9, 9> MakeGyroscopeErrorVariance() {
   Eigen::Matrix<double, 9, 9> variance = Eigen::Matrix<double, 9, 9>::Zero();
   const double askew = kMounting_rad * kMounting_rad, cross = kGyroscopeCross * kGyroscopeCross;
   for (int i = 0; i < 3; ++i) {
@@ -96,6 +96,12 @@ Eigen::Matrix<double, 9, 9> GyroscopeErrorVariance() {
       if (i != j) variance(ij, ji) = -askew;
     }
   }
+  return variance;
+}
+
+/// At the start.
+const Eigen::Matrix<double, 9, 9>& GyroscopeErrorVariance() {
+  static const Eigen::Matrix<double, 9, 9> variance = MakeGyroscopeErrorVariance();
   return variance;
 }
 

@@ -337,7 +337,7 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   pose->velocity_event = SurfaceVelocity();
   pose->velocity_of_poses = !FollowsInertial();
   if (FollowsInertial() && !held) pose->acceleration_event = motion_.acceleration_event();
-  pose->covariance_event = StatedCovariance(now);
+  pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
 }
 
 double Tracker::DelayAgainstInertial() const { return std::max(0.0, motion_.delay_s()); }
@@ -348,13 +348,13 @@ SensorDelays Tracker::Delays() const {
   return delays;
 }
 
-Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now) const {
+Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const {
   const bool guided = FollowsInertial();
   const double by_residuals = std::pow(residual_scale_.variance_scale(), guided ? kGuidedExponent : 1);
   Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), guided) * by_residuals * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
-                                       ? motion_.delay_variance_s2() + std::pow(kDelaySpread * Delays().event_s, 2)
+                                       ? motion_.delay_variance_s2() + std::pow(kDelaySpread * event_delay_s, 2)
                                        : std::pow(depth_fusion_.delay().Get(0), 2);
   covariance += clock_variance_s2 * now.velocity_event * now.velocity_event.transpose();
   const auto chapter = static_cast<std::size_t>(map_->chapter);

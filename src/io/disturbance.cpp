@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "devo/core/time.h"
+#include "finite_number.h"
 
 namespace devo {
 namespace {
@@ -13,17 +14,9 @@ namespace {
 constexpr double kHotPixelRate_hz = 100;
 
 double NumberIn(const std::string& number, const std::string& text, const char* expected) {
-  std::size_t read = 0;
-  double value = 0;
-  try {
-    value = std::stod(number, &read);
-  } catch (const std::logic_error&) {
-    read = 0;
-  }
-  if (read == 0 || read != number.size() || !(value >= 0) || !std::isfinite(value)) {
-    throw std::invalid_argument("disturbance '" + text + "': expected " + expected);
-  }
-  return value;
+  const auto value = FiniteNumber(number);
+  if (!value || *value < 0) throw std::invalid_argument("disturbance '" + text + "': expected " + expected);
+  return *value;
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "finite_number.h"
+
 namespace devo {
 namespace {
 
@@ -16,16 +18,13 @@ std::vector<double> NumbersOf(const std::string& key, const std::string& value, 
                               const char* expected) {
   std::vector<double> numbers;
   std::stringstream stream(value);
+  bool good = true;
   for (std::string part; std::getline(stream, part, ':');) {
-    std::size_t read = 0;
-    try {
-      numbers.push_back(std::stod(part, &read));
-    } catch (const std::logic_error&) {
-      read = 0;
-    }
-    if (read == 0 || read != part.size() || !std::isfinite(numbers.back())) numbers.resize(count + 1);
+    const auto number = FiniteNumber(part);
+    good = good && number;
+    numbers.push_back(number.value_or(0));
   }
-  if (numbers.size() != count) {
+  if (!good || numbers.size() != count) {
     throw std::invalid_argument("disturbance '" + key + "=" + value + "': expected " + expected);
   }
   return numbers;
@@ -61,8 +60,8 @@ Rig Miscalibration::Of(const Rig& rig) const {
   Rig out = rig;
   const bool depth_off = !depth_rotation_deg.isZero(0) || !depth_translation_m.isZero(0) || depth_focal != 0;
   if (event_focal != 0) out.event_camera = rig.event_camera.WithFocalLength(1 + event_focal);
-  if (rig.depth_registered && !depth_off) {
-    out.depth_camera = out.event_camera;
+  if (!depth_off) {
+    if (rig.depth_registered) out.depth_camera = out.event_camera;
     return out;
   }
   if (depth_focal != 0 && !rig.depth_from_lidar) out.depth_camera = rig.depth_camera.WithFocalLength(1 + depth_focal);

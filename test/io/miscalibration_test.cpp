@@ -86,7 +86,7 @@ TEST(Miscalibration, IsPartOfWhatDisturbs) {
 TEST(Miscalibration, RefusesWhatIsNoErrorOfACalibrationAndSaysWhatIsExpected) {
   DisturbanceOptions options;
   for (const std::string& bad :
-       std::vector<std::string>{"0.1", "0.1:0.2", "a:0:0", "0:0:0:0", "0:0:nan", "", "1:2:3x"}) {
+       std::vector<std::string>{"0.1", "0.1:0.2", "a:0:0", "0:0:0:0", "1:2:3:x", "x:1:2:3", "0:0:nan", "", "1:2:3x"}) {
     EXPECT_THAT([&] { options.Add("depth_rotation=" + bad); },
                 ThrowsMessage<std::invalid_argument>(HasSubstr("expected X:Y:Z in degrees")))
         << bad;

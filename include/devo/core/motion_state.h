@@ -26,8 +26,8 @@ struct MotionState {
   double delay_s = 0;  ///< by how much later than the inertial sensor's stamps events show the same motion
   /// What the gyroscope reads beside its bias, over the turning rate, less identity: scale, mounting and cross axes.
   Eigen::Matrix3d gyroscope_error = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d lever_error_m =
-      Eigen::Vector3d::Zero();           ///< where the inertial sensor is, less where it is said to be
+  /// Where the inertial sensor is, less where it is said to be, event frame.
+  Eigen::Vector3d lever_error_m = Eigen::Vector3d::Zero();
   double accelerometer_scale_error = 0;  ///< share that it reads too much
 
   /// All but the delay, which is bounded and told by poses only.

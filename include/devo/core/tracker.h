@@ -93,7 +93,7 @@ class Tracker {
   double DelayAgainstInertial() const;
   SensorDelays Delays() const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
-  Matrix6d StatedCovariance(const MotionFilter::Prediction& now) const;
+  Matrix6d StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const;
   /// Points of an alignment that count as one: for what this surface errs by itself, and successive ones alike.
   struct ErrorsAlike {
     double own, shared;

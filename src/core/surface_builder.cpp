@@ -5,8 +5,10 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <deque>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "devo/core/apparent_turn.h"
 #include "devo/core/crest_threshold.h"
@@ -27,7 +29,11 @@ constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr double kLeastNoise = 100, kNoiseShare = 0.1;
 constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
 constexpr std::size_t kSightings = 12000;   // a sample of the events tells how the image moves
-constexpr std::size_t kAhead = 64;          // events: about the time that memory takes to answer
+// Where events are so many that a surface spans a few milliseconds, the image hardly moves meanwhile: then so many of
+// each surface before tell, too, as far back as this.
+constexpr std::size_t kSightingsBefore = 2000;
+constexpr float kLookBack_s = 0.03F;
+constexpr std::size_t kAhead = 64;  // events: about the time that memory takes to answer
 
 /// Viewing ray (x, y, 1) of each pixel; not finite in a corner that no ray of the lens model reaches.
 class RayLookup {
@@ -133,6 +139,7 @@ struct SurfaceBuilder::Impl {
   void MeasureRates(std::int64_t t_ns, Surface* surface);
   void CollectSightings(std::uint64_t first, std::size_t most, std::int64_t t_ns, const Vector6d& velocity_event,
                         double depth_m);
+  void AddSightingsBefore(std::int64_t t_ns);
   Motion MotionFor(const std::optional<ExpectedMotion>& expected, std::uint64_t first, const SceneDepth& depth,
                    const Surface& surface);
   void RenderCompensated(const std::optional<ExpectedMotion>& motion, const SceneDepth& depth, Surface* surface);
@@ -155,6 +162,11 @@ struct SurfaceBuilder::Impl {
   std::array<std::uint32_t, kFilterBatch> passed;
   ApparentTurn apparent_turn;
   std::vector<ApparentTurn::Sighting> sightings;
+  struct SightingsOf {
+    std::int64_t t_ns;
+    std::vector<ApparentTurn::Sighting> sightings;
+  };
+  std::deque<SightingsOf> sightings_before;  // of the last surfaces, as long as no motion is known
   std::int64_t last_event_ns = std::numeric_limits<std::int64_t>::min();
   std::uint64_t epoch = 0;
   Counters counters;
@@ -196,6 +208,7 @@ void SurfaceBuilder::Reset() {
   impl_->pass_share = 0.5;
   impl_->progress.clear();
   impl_->apparent_turn.Reset();
+  impl_->sightings_before.clear();
   impl_->last_event_ns = std::numeric_limits<std::int64_t>::min();
   if (impl_->plain) impl_->plain->Reset();
   ++impl_->epoch;
@@ -348,6 +361,29 @@ void SurfaceBuilder::Impl::CollectSightings(std::uint64_t first, std::size_t mos
   }
 }
 
+/// To those of the surface of `t_ns`, which will be among those before from now on.
+void SurfaceBuilder::Impl::AddSightingsBefore(std::int64_t t_ns) {
+  if (sightings.empty() || sightings.front().t_s < -kLookBack_s) return;
+  SightingsOf last{t_ns, {}};
+  const std::size_t step = sightings.size() / kSightingsBefore + 1;
+  for (std::size_t i = 0; i < sightings.size(); i += step) last.sightings.push_back(sightings[i]);
+  std::vector<ApparentTurn::Sighting> all;
+  for (const SightingsOf& before : sightings_before) {
+    const auto later_s = static_cast<float>(SecondsFromNs(before.t_ns - t_ns));
+    for (ApparentTurn::Sighting sighting : before.sightings) {
+      sighting.t_s += later_s;
+      const float newest_s = all.empty() ? -kLookBack_s : all.back().t_s;
+      if (sighting.t_s > newest_s && sighting.t_s < sightings.front().t_s) all.push_back(sighting);
+    }
+  }
+  if (!all.empty()) {
+    all.insert(all.end(), last.sightings.begin(), last.sightings.end());
+    sightings = std::move(all);
+  }
+  sightings_before.push_back(std::move(last));
+  while (SecondsFromNs(t_ns - sightings_before.front().t_ns) > kLookBack_s) sightings_before.pop_front();
+}
+
 /// At the time of the surface's edges.
 Motion SurfaceBuilder::Impl::MotionFor(const std::optional<ExpectedMotion>& expected, std::uint64_t first,
                                        const SceneDepth& depth, const Surface& surface) {
@@ -356,9 +392,11 @@ Motion SurfaceBuilder::Impl::MotionFor(const std::optional<ExpectedMotion>& expe
   if (!expected) {
     if (!options.ideas.find_turn) return motion;
     CollectSightings(first, kSightings, surface.t_ns, motion.velocity, 0);
+    AddSightingsBefore(surface.t_ns);
     motion.velocity.tail<3>() = apparent_turn.Estimate(sightings);
     return motion;
   }
+  sightings_before.clear();
   motion.velocity = expected->velocity_event;
   if (options.ideas.accelerate_events) {
     motion.acceleration = expected->acceleration_event;

@@ -437,6 +437,33 @@ TEST(CompensatedSurface, TellsTheTurnOfItsEventsUnlessAnInertialSensorLeads) {
   EXPECT_TRUE(turn(ExpectedMotion(edge.velocity, false)).isZero());
 }
 
+TEST(CompensatedSurface, TellsTheTurnOfSoManyEventsThatItSpansAMomentByTheSurfacesBefore) {
+  const Vector6d velocity = Twist(0, 0, 0, 0, 1.2, 0);
+  std::vector<Event> events;
+  for (double x = -0.9; x < 1; x += 0.12) {
+    const MovingEdge edge{{x, -1, 2}, {x - 0.1, 1, 2}, velocity};
+    for (const Event& event : edge.Events()) events.push_back(event);
+  }
+  std::sort(events.begin(), events.end(), [](const Event& e, const Event& f) { return e.t_ns < f.t_ns; });
+  SurfaceOptions options = WithoutFilter();
+  options.event_share = 0.01;
+  SurfaceBuilder builder(TestCamera(), options);
+  SurfacePtr first, last;
+  std::size_t inserted = 0;
+  for (std::int64_t t_ns = kT_ns - 30'000'000; t_ns <= kT_ns; t_ns += 10'000'000) {
+    std::size_t until = inserted;
+    while (until < events.size() && events[until].t_ns < t_ns) ++until;
+    builder.Insert(std::vector<Event>(events.begin() + static_cast<std::ptrdiff_t>(inserted),
+                                      events.begin() + static_cast<std::ptrdiff_t>(until)));
+    inserted = until;
+    last = builder.Render(t_ns, std::nullopt, {});
+    if (!first) first = last;
+  }
+  EXPECT_LT(last->window_s, 3e-3);
+  EXPECT_GT(std::abs(first->turn_event.y() - 1.2), 0.3) << first->turn_event.transpose();
+  EXPECT_NEAR(last->turn_event.y(), 1.2, 0.3);
+}
+
 TEST(CompensatedSurface, DoesNotTakeTheNoiseOfARecordingsFirstMomentsForMotion) {
   SurfaceBuilder builder(TestCamera(), SurfaceOptions());
   std::mt19937 random(3);

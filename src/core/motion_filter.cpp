@@ -22,7 +22,7 @@ constexpr double kManeuver_s = 0.15;
 constexpr double kCoast_s = 0.5;
 constexpr double kStartSigma_m = 1e-3, kStartSigma_rad = 1e-3;
 // As accelerations are: hands turn a camera more than they shift it, in the image.
-constexpr double kStartSpeed_m_s = 0.3, kStartTurn_rad_s = 1;
+constexpr double kStartTurn_rad_s = 1;
 constexpr double kStillSpeed_m_s = 0.01, kStillTurn_rad_s = 0.01;
 // A camera that is found to stand has come to rest within this time, unseen. Or it does not stand, and moves on as
 // before: the longer it seems to, the less likely.
@@ -121,7 +121,8 @@ void MotionFilter::Reset() {
   reads_ = false;
 }
 
-void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event) {
+void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event,
+                         double speed_sigma_m_s) {
   if (!started_) {
     P_.setZero();
     P_.diagonal().segment<3>(State::kGyroscopeBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
@@ -136,7 +137,7 @@ void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const V
   state_.velocity = velocity_event;
   state_.acceleration.setZero();
   SetPoseAsAtStart(T_world_event);
-  SetMotion(Both(kStartSpeed_m_s, kStartTurn_rad_s));
+  SetMotion(Both(speed_sigma_m_s, kStartTurn_rad_s));
 }
 
 void MotionFilter::SetPoseAsAtStart(const Rigid3& T_world_event) {

@@ -9,6 +9,7 @@
 
 #include "devo/core/alignment.h"
 #include "devo/core/depth_image.h"
+#include "devo/core/start_velocity.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -79,6 +80,11 @@ constexpr double kBeginsUnseen_s = 0.2;
 // From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
 constexpr double kLongestFromRest_s = 3;
 constexpr std::int64_t kRestStep_ns = 10'000'000, kUsedOfRest_ns = 1'000'000'000;
+// A motion that begins with the first map is taken to be even for so long; a first look shows too little.
+constexpr double kLeastLook_s = 1e-3, kLongestLook_s = 0.05;
+// The velocity that is found so, where few edges show one direction of it.
+constexpr double kSeenSpeed_m_s = 1;
+
 
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
@@ -185,8 +191,9 @@ Vector6d Tracker::VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_ev
   return possible ? velocity : Vector6d(Vector6d::Zero());
 }
 
-void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity) {
-  motion_.Start(t_ns, T_world_event, velocity);
+void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity,
+                      double speed_sigma_m_s) {
+  motion_.Start(t_ns, T_world_event, velocity, speed_sigma_m_s);
   past_.Clear();
   history_.Clear();
   started_ns_ = t_ns;
@@ -280,7 +287,9 @@ bool Tracker::MayMoveUnseen(const Surface& surface) const {
 void Tracker::Begin(const Surface& surface) {
   BeginChapter(*map_);
   if (StartFromRest()) return;
-  if (!inertial_.Mean(map_->t_ns, surface.t_edges_ns)) {
+  if (inertial_.Mean(map_->t_ns, surface.t_edges_ns)) {
+    StartAt(map_->t_ns, map_->T_world_ref, VelocityBesideTurn(surface), kSeenSpeed_m_s);
+  } else {
     StartAt(map_->t_ns, map_->T_world_ref, TurningWith(surface));
   }
   if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
@@ -303,6 +312,22 @@ bool Tracker::StartFromRest() {
     if (t_ns <= rest->end_ns) {
       motion.HoldStill(t_ns, inertial, rest->scatter);
     } else {
+Vector6d Tracker::VelocityBesideTurn(const Surface& surface) const {
+  std::vector<StartView> views;
+  const auto look_at = [&](const Surface& seen) {
+    const double since_s = SecondsFromNs(seen.t_edges_ns - map_->t_ns);
+    if (seen.epoch != map_->epoch || since_s < kLeastLook_s || since_s > kLongestLook_s) return;
+    const auto read = inertial_.Mean(map_->t_ns, seen.t_edges_ns);
+    if (read) views.push_back({&seen, since_s, ExpSO3(since_s * read->angular_velocity).toRotationMatrix()});
+  };
+  for (const SurfacePtr& waiting : waiting_) look_at(*waiting);
+  if (views.empty()) look_at(surface);
+  Vector6d velocity = Vector6d::Zero();
+  velocity.head<3>() = FindStartVelocity(*map_, views, camera_);
+  velocity.tail<3>() = inertial_.Mean(map_->t_ns, surface.t_edges_ns)->angular_velocity;
+  return velocity;
+}
+
       motion.Advance(t_ns, *inertial);
     }
   }

@@ -120,6 +120,35 @@ TEST(Tracker, BeginsInMotionWithTheTurnThatEventsTell) {
   }
 }
 
+TEST(Tracker, BeginsInMotionWithTheVelocityThatSurfacesShowBesideAnInertialSensorsTurn) {
+  Vector6d fast;
+  fast << -0.9, 1.2, 0, 0.3, 1.2, -1.3;
+  const auto at = [&](int k) { return Exp(fast * SecondsFromNs(k * kPeriod_ns)); };
+  auto near = std::make_shared<LocalMap>(*Map());  // of the time 0; the image moves by 10 pixels per surface
+  for (MapPoint& point : near->points) point.p_ref *= 0.12F;
+  OdometryOptions options;
+  options.tracking.ideas.search = false;
+  Tracker tracker(TestCamera(), options);
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 4; ++k) {
+    for (int i = -5; i <= 0; ++i) {
+      ImuSample sample;
+      sample.t_ns = k * kPeriod_ns + i * kPeriod_ns / 5;
+      sample.angular_velocity = fast.tail<3>();
+      sample.linear_acceleration.setConstant(std::nan(""));
+      tracker.AddImu(sample);
+    }
+    Surface surface = SegmentsSeen(near->points, at(k).inverse());
+    surface.t_ns = surface.t_edges_ns = k * kPeriod_ns;
+    surface.activity_hz = 5;
+    if (k == 4) tracker.SetMap(near);
+    pose = tracker.Track(std::make_shared<const Surface>(surface));
+  }
+  ASSERT_TRUE(pose);
+  EXPECT_LT((tracker.SurfaceVelocity() - fast).norm(), 0.1);
+  EXPECT_LT(Log(at(4).inverse() * pose->T_world_event).norm(), 2e-3);
+}
+
 TEST(Tracker, SaysWhereTheCameraWasSinceTheTimeOfAFirstMapThatComesLate) {
   Vector6d velocity;
   velocity << 0.3, -0.1, 0.1, 0.1, 0.2, -0.2;

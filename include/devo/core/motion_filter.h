@@ -36,10 +36,12 @@ class MotionFilter {
 
   void SetOptions(const TrackingOptions& options) { options_ = options; }
 
+  static constexpr double kStartSpeed_m_s = 0.3;
   /// Starts with a velocity [v; omega] of and in the event frame, by default at rest, known to
-  /// within 0.3 m/s and 1 rad/s, at a pose known to a millimetre and milliradian. What is known of gravity and of
-  /// the inertial sensor stays.
-  void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero());
+  /// within `speed_sigma_m_s` and 1 rad/s, at a pose known to a millimetre and milliradian. What is known of gravity
+  /// and of the inertial sensor stays.
+  void Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event = Vector6d::Zero(),
+             double speed_sigma_m_s = kStartSpeed_m_s);
 
   /// The same moment in another world, in which the pose is as well known as at a start.
   void Anchor(const Rigid3& T_world_event);

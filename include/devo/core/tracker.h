@@ -68,11 +68,20 @@ class Tracker {
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
   bool StartFromRest();
+  /// [v; omega] at the first map where a gyroscope tells the turn, m/s and rad/s: with which its points meet the edges
+  /// of the surfaces since, `surface` being the first.
+  Vector6d VelocityBesideTurn(const Surface& surface) const;
   /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
   /// From the last start to this pose; zero where that is too long ago, or faster than a camera moves.
   Vector6d VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_event) const;
-  void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event);
+  void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event,
+               double speed_sigma_m_s = MotionFilter::kStartSpeed_m_s);
+  /// Moved to where depth has it, the pose went astray again until `t_ns`, of the last depth image: its velocity is
+  /// false, and depth knows a better.
+  bool GoesAstrayAgain(std::int64_t t_ns) const;
+  /// From the pose by depth, moved to now with this velocity.
+  void StartByDepth(const DepthPose& depth, const Vector6d& velocity_event);
   /// By depth, since it is held.
   bool IsSeenMoving() const;
   /// Whether the camera may move as predicted though `surface` has hardly any events: not where it may be about to

@@ -120,13 +120,15 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   if (knows_all) NoteContradiction(depth.t_ns, contradicts, residual, alone + rest);
   const bool believed = depth.confirmed || alike_in_a_row_ >= kAlikeInARow;
   const bool wrong = knows_all ? believed : estimate.doubtful;
+  replacements_ = contradicts && knows_all && believed ? replacements_ + 1 : 0;
   if (contradicts && !wrong) {
     contradictions_ += knows_all ? 1 : 0;
     return std::nullopt;
   }
   if (!contradicts || knows_all) contradictions_ = 0;
   // Such a pose is as wrong as depth says, in the directions that depth knows.
-  const Matrix6d covariance = std::max(1.0, square / kMaxNormalisedSquare) * estimate.covariance;
+  const double widened = std::max(1.0, square / kMaxNormalisedSquare);
+  const Matrix6d covariance = widened * estimate.covariance;
   agreed_ = depth;
   NotePeriod(since_s);
   if (knows_all) found_ns_ = depth.t_ns;
@@ -139,7 +141,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d alike = kMapsApart * kMapsApart * I;
   const Vector6d gain = (knows_all ? delay_.variance_s2() : 0) * ((covariance + R + alike).ldlt().solve(per_delay));
   delay_.Step(gain.dot(residual), gain.dot(per_delay), estimate.event_delay_s);
-  return Correction{covariance * (s_inverse * residual), R.ldlt().solve(I)};
+  return Correction{covariance * (s_inverse * residual), R.ldlt().solve(I), widened};
 }
 
 }  // namespace devo

@@ -314,6 +314,8 @@ void MotionFilter::Update(std::int64_t t_ns, const Likelihood& measured) {
   shared_variance_ = (measured.information / measured.shared + I / (kMaxShared_m * kMaxShared_m)).ldlt().solve(I);
 }
 
+void MotionFilter::WidenPose(double times) { P_.topLeftCorner<6, 6>() *= times; }
+
 void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected) {
   // An inertial sensor tells of accelerations before poses do.
   if (!options_.ideas.calm_motion || reads_) return;

@@ -63,17 +63,21 @@ std::optional<MotionFilter> MotionPast::AgainInMotion(std::int64_t t_ns, const I
   return Again(then, inertial, history);
 }
 
-MotionFilter MotionPast::Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history) {
+MotionFilter MotionPast::Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history,
+                               Since measured) {
   const std::int64_t t_ns = then.time_ns();
   while (!steps_.empty() && steps_.front().step.t_ns <= t_ns) steps_.pop_front();
   const auto T_world_before = history->At(t_ns);
-  if (T_world_before) history->Move(then.pose() * T_world_before->inverse());
+  const Rigid3 T_new_old = T_world_before ? then.pose() * T_world_before->inverse() : Rigid3();
+  history->Move(T_new_old);
   history->ForgetAfter(t_ns);
   MotionFilter motion = then;
   for (Made& made : steps_) {
     made.before = motion;
     Follow(made.step, made.step.t_ns, inertial, &motion);
     if (made.step.measured) {
+      Rigid3& T_world_aligned = made.step.measured->T_world_aligned;
+      if (measured == Since::kMotion) T_world_aligned = T_new_old * T_world_aligned;
       motion.Update(made.step.t_ns, *made.step.measured);
     }
     history->Add(motion.time_ns(), motion.pose());

@@ -46,12 +46,15 @@ constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.015, kInertialUnknown
 constexpr double kGiveUp_s = 1;
 // So soon after depth agreed the prediction is more than a motion that is thought to go on.
 constexpr double kDepthLeads_s = 0.1;
-// Within this time after depth agreed, an inertial sensor does not lead so far astray that a search knows better.
-constexpr double kRulesOutSearch_s = 0.25;
+// Within this time after depth agreed, a pose, or one that an inertial sensor leads, does not go so far astray that a
+// search knows better.
+constexpr double kRulesOutSearch_s = 0.1, kInertialRulesOutSearch_s = 0.25;
 // So many depth images in a row that contradict a pose without events are right. At a gap's beginning there is no pose
 // for tens of milliseconds, and what lies between two is a guess that depth contradicts where the motion changes fast:
 // what an inertial sensor led to is not given up for that.
 constexpr int kContradictions = 2, kInertialContradictions = 6;
+// Over so short a time two depth images tell the velocity of now.
+constexpr double kEven_s = 0.1;
 constexpr double kMaxBefore = 0.25;  // of the time between two images, that lies before a standstill
 constexpr double kBadFor_s = 0.03;   // matching next to nothing, a pose is not the events' any more
 constexpr double kHeld_m = 5e-3;     // a pose is held as if it were known so well: farther off, the camera has moved
@@ -77,14 +80,14 @@ constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15, kKnownMoving 
 // inertial sensor that was held to stand meanwhile would lead on without the velocity that it missed.
 constexpr double kBeginsUnseen_s = 0.2;
 
-// From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
-constexpr double kLongestFromRest_s = 3;
-constexpr std::int64_t kRestStep_ns = 10'000'000, kUsedOfRest_ns = 1'000'000'000;
 // A motion that begins with the first map is taken to be even for so long; a first look shows too little.
 constexpr double kLeastLook_s = 1e-3, kLongestLook_s = 0.05;
 // The velocity that is found so, where few edges show one direction of it.
 constexpr double kSeenSpeed_m_s = 1;
 
+// From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
+constexpr double kLongestFromRest_s = 3;
+constexpr std::int64_t kRestStep_ns = 10'000'000, kUsedOfRest_ns = 1'000'000'000;
 
 bool IsBelow(const Vector6d& velocity, double limit) {
   return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
@@ -145,12 +148,28 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   estimate.event_delay_s = DelayAgainstInertial();
   estimate.doubtful = quality_.suspicious_in_a_row() > 0;
   const auto correction = depth_fusion_.Correct(depth, estimate);
-  if (correction && !held_) {
+  const bool was_false = correction && correction->widened > 1;
+  if (was_false && !held_ && GoesAstrayAgain(depth.t_ns)) {
+    StartByDepth(depth, depth_fusion_.velocity_event());
+  } else if (correction && !held_) {
+    using Since = MotionPast::Since;
+    then->WidenPose(correction->widened);
     then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
-    motion_ = past_.Again(*then, inertial_, &history_);
+    motion_ = past_.Again(*then, inertial_, &history_, was_false ? Since::kMotion : Since::kPlaces);
   } else if ((!correction && depth.KnowsAllDirections()) || IsSeenMoving()) {
     Contradict(depth, depth.T_world_event * (T_world_then.inverse() * motion_.pose()));
   }
+}
+
+bool Tracker::GoesAstrayAgain(std::int64_t t_ns) const {
+  const bool known = SecondsFromNs(t_ns - depth_fusion_.velocity_since_ns()) < kEven_s;
+  return known && !FollowsInertial() && depth_fusion_.replacements() > 1;
+}
+
+void Tracker::StartByDepth(const DepthPose& depth, const Vector6d& velocity_event) {
+  const std::int64_t now_ns = motion_.time_ns();
+  StartAt(now_ns, depth.T_world_event * Exp(velocity_event * SecondsFromNs(now_ns - depth.t_ns)), velocity_event);
+  coasted_ = true;
 }
 
 bool Tracker::IsSeenMoving() const { return held_ && depth_fusion_.SawMotionSince(held_since_ns_); }
@@ -162,15 +181,13 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool inertial = coasting_ && FollowsInertial() && state_ != TrackingState::kLost;
   const int least = inertial ? kInertialContradictions : kContradictions;
   if (sure_of_events || (depth_fusion_.contradictions() < least && !IsSeenMoving())) return;
-  const std::int64_t now_ns = motion_.time_ns();
   // What two images span of the motion before a standstill says nothing of now.
   const std::int64_t since_ns = depth_fusion_.velocity_since_ns();
   const bool of_now = !held_ || static_cast<double>(last_events_ns_ - since_ns) <=
                                     kMaxBefore * static_cast<double>(depth.t_ns - since_ns);
-  const Vector6d velocity = of_now ? depth_fusion_.velocity_event() : Vector6d(Vector6d::Zero());
-  StartAt(now_ns, depth.T_world_event * Exp(velocity * SecondsFromNs(now_ns - depth.t_ns)), velocity);
-  last_active_ns_ = now_ns;
-  missing_ = coasted_ = true;
+  StartByDepth(depth, of_now ? depth_fusion_.velocity_event() : Vector6d(Vector6d::Zero()));
+  last_active_ns_ = motion_.time_ns();
+  missing_ = true;
   held_ = false;
 }
 
@@ -295,6 +312,22 @@ void Tracker::Begin(const Surface& surface) {
   if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
 }
 
+Vector6d Tracker::VelocityBesideTurn(const Surface& surface) const {
+  std::vector<StartView> views;
+  const auto look_at = [&](const Surface& seen) {
+    const double since_s = SecondsFromNs(seen.t_edges_ns - map_->t_ns);
+    if (seen.epoch != map_->epoch || since_s < kLeastLook_s || since_s > kLongestLook_s) return;
+    const auto read = inertial_.Mean(map_->t_ns, seen.t_edges_ns);
+    if (read) views.push_back({&seen, since_s, ExpSO3(since_s * read->angular_velocity).toRotationMatrix()});
+  };
+  for (const SurfacePtr& waiting : waiting_) look_at(*waiting);
+  if (views.empty()) look_at(surface);
+  Vector6d velocity = Vector6d::Zero();
+  velocity.head<3>() = FindStartVelocity(*map_, views, camera_);
+  velocity.tail<3>() = inertial_.Mean(map_->t_ns, surface.t_edges_ns)->angular_velocity;
+  return velocity;
+}
+
 bool Tracker::StartFromRest() {
   const auto rest = rest_.last_rest();
   if (!options_.tracking.ideas.start_from_rest || !rest) return false;
@@ -312,22 +345,6 @@ bool Tracker::StartFromRest() {
     if (t_ns <= rest->end_ns) {
       motion.HoldStill(t_ns, inertial, rest->scatter);
     } else {
-Vector6d Tracker::VelocityBesideTurn(const Surface& surface) const {
-  std::vector<StartView> views;
-  const auto look_at = [&](const Surface& seen) {
-    const double since_s = SecondsFromNs(seen.t_edges_ns - map_->t_ns);
-    if (seen.epoch != map_->epoch || since_s < kLeastLook_s || since_s > kLongestLook_s) return;
-    const auto read = inertial_.Mean(map_->t_ns, seen.t_edges_ns);
-    if (read) views.push_back({&seen, since_s, ExpSO3(since_s * read->angular_velocity).toRotationMatrix()});
-  };
-  for (const SurfacePtr& waiting : waiting_) look_at(*waiting);
-  if (views.empty()) look_at(surface);
-  Vector6d velocity = Vector6d::Zero();
-  velocity.head<3>() = FindStartVelocity(*map_, views, camera_);
-  velocity.tail<3>() = inertial_.Mean(map_->t_ns, surface.t_edges_ns)->angular_velocity;
-  return velocity;
-}
-
       motion.Advance(t_ns, *inertial);
     }
   }
@@ -587,7 +604,8 @@ bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d
 
 bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result) {
   if (!options_.tracking.ideas.search) return false;
-  if (FollowsInertial() && depth_fusion_.AgreedWithin(kRulesOutSearch_s, surface.t_edges_ns)) return false;
+  const double rules_out_s = FollowsInertial() ? kInertialRulesOutSearch_s : kRulesOutSearch_s;
+  if (depth_fusion_.AgreedWithin(rules_out_s, surface.t_edges_ns)) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
   const double unknown_rad = FollowsInertial() ? kInertialUnknown_rad : unknown_m;

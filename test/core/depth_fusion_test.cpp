@@ -85,6 +85,25 @@ TEST(DepthFusion, BelievesAContradictionThatIsConfirmedAtOnce) {
   EXPECT_EQ(fusion.contradictions(), 0);
 }
 
+TEST(DepthFusion, SaysByHowMuchAPoseThatItReplacesIsWorseThanStatedAndHowManyInARow) {
+  DepthFusion fusion;
+  const auto told = [&](int k, double times, bool confirmed) {
+    DepthPose pose = PoseAt(k * kPeriod_ns, Exp(times * SmallStep()));
+    pose.confirmed = confirmed;
+    const auto correction = fusion.Correct(pose, EstimateAt(Rigid3()));
+    return correction ? correction->widened : 0;
+  };
+  EXPECT_EQ(told(1, 1, false), 1);
+  EXPECT_EQ(fusion.replacements(), 0);
+  const double widened = told(2, 50, true);
+  EXPECT_NEAR(widened, (50 * SmallStep()).squaredNorm() / 2e-6 / 16, 0.02 * widened);
+  EXPECT_EQ(fusion.replacements(), 1);
+  EXPECT_GT(told(3, 50, true), 1);
+  EXPECT_EQ(fusion.replacements(), 2);
+  EXPECT_EQ(told(4, -50, false), 0) << "not believed";
+  EXPECT_EQ(fusion.replacements(), 0);
+}
+
 TEST(DepthFusion, BelievesNoneOfThoseThatContradictEachOtherToo) {
   DepthFusion fusion;
   for (int k = 1; k <= 12; ++k) {

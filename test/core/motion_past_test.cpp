@@ -69,11 +69,12 @@ struct Track {
   }
 
   /// At a time: the camera is at `moved` of where it is thought to be, to a tenth of a millimetre.
-  void Tell(std::int64_t t_ns, const Vector6d& moved) {
+  void Tell(std::int64_t t_ns, const Vector6d& moved, MotionPast::Since measured = MotionPast::Since::kPlaces) {
     auto then = past.At(t_ns, motion, inertial);
     ASSERT_TRUE(then);
+    if (measured == MotionPast::Since::kMotion) then->WidenPose(1e4);
     then->Update(t_ns, then->pose() * Exp(moved), 1e8 * Matrix6d::Identity());
-    motion = past.Again(*then, inertial, &history);
+    motion = past.Again(*then, inertial, &history, measured);
   }
 
   bool inertial_led = false;
@@ -211,6 +212,24 @@ TEST(MotionPast, WhatIsToldLateHoldsAgainstLaterAlignmentsThatErrAlike) {
   };
   EXPECT_LT(left_after_being_told(10), 0.3);
   EXPECT_GT(left_after_being_told(0), 0.6) << "each by itself, they take it back";
+}
+
+TEST(MotionPast, APoseThatWasFalseMovesWhatWasFoundFromItAndNotTheVelocity) {
+  const Vector6d false_by = 50 * kOff;
+  const auto told = [&](MotionPast::Since measured) {
+    Track track;
+    for (int k = 0; k < 20; ++k) track.Measure(1e-3, 0, false_by);
+    const std::int64_t then_ns = 17 * kPeriod_ns;
+    track.Tell(then_ns, -false_by, measured);
+    return track.motion;
+  };
+  const MotionFilter moved = told(MotionPast::Since::kMotion), pulled_back = told(MotionPast::Since::kPlaces);
+  const auto pose_error = [](const MotionFilter& motion) {
+    return Log(TrueAt(motion.time_ns()).inverse() * motion.pose()).norm();
+  };
+  EXPECT_LT(pose_error(moved), 0.05 * false_by.norm());
+  EXPECT_LT((moved.velocity_event() - kTwist).norm(), 0.2 * kTwist.norm());
+  EXPECT_GT(pose_error(pulled_back), 0.3 * false_by.norm()) << "else there is nothing to be gained";
 }
 
 TEST(MotionPast, LatePosesTellTheVelocityToo) {

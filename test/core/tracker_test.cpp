@@ -1015,5 +1015,21 @@ TEST(Tracker, IsBroughtBackByDepthFromAPoseThatIsWrong) {
   EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 2e-3);
 }
 
+TEST(Tracker, TakesItsVelocityFromDepthWhereItGoesAstrayAgainAndAgain) {
+  const auto tracker = Moving();
+  const Vector6d other = (Vector6d() << -0.5, 0.4, 0, 0.5, 1.5, 0).finished();
+  const auto at = [&](std::int64_t t_ns) { return TrueAt(kNow_ns) * Exp(other * SecondsFromNs(t_ns - kNow_ns)); };
+  // Events that show another motion than the camera's.
+  for (int k = 1; k <= 9; ++k) {
+    const std::int64_t t_ns = kNow_ns + k * kPeriod_ns;
+    tracker->Track(Seen(t_ns, TrueAt(t_ns)));
+    if (k % 3 != 0) continue;
+    DepthPose depth = ByDepth(t_ns, at(t_ns));
+    depth.confirmed = true;
+    tracker->AddDepthPose(depth);
+  }
+  EXPECT_LT((tracker->SurfaceVelocity() - other).norm(), 0.1);
+}
+
 }  // namespace
 }  // namespace devo

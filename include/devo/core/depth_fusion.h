@@ -30,6 +30,7 @@ class DepthFusion {
   struct Correction {
     Vector6d moved;        ///< right perturbation of T_world_event to the most probable pose
     Matrix6d information;  ///< of the depth alone, on such a perturbation
+    double widened;        ///< the variance of a pose that was false, by so much over what is stated; else 1
   };
   /// Depth poses in the order of their time. Empty where the two contradict each other, but for one that is confirmed
   /// and the third in a row that does so alike; and one that leaves a direction open, and so cannot replace a doubtful
@@ -47,6 +48,8 @@ class DepthFusion {
 
   /// Of the last depth images in a row, those that leave a direction open not counted.
   int contradictions() const { return contradictions_; }
+  /// The same, of those that contradicted, know all directions and were believed.
+  int replacements() const { return replacements_; }
   std::int64_t found_ns() const { return found_ns_; }  ///< time of the last that agreed in all directions; 0: none has
   /// Whether that was less than `span_s` before this time.
   bool AgreedWithin(double span_s, std::int64_t t_ns) const;
@@ -74,6 +77,7 @@ class DepthFusion {
   DepthDelay delay_;
   int contradictions_ = 0;
   int alike_in_a_row_ = 0;  // of these
+  int replacements_ = 0;
   std::int64_t contradicted_ns_ = 0;
   Vector6d contradicted_ = Vector6d::Zero();  // residual of the last
   std::int64_t found_ns_ = 0;

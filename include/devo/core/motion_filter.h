@@ -92,6 +92,10 @@ class MotionFilter {
   void LearnGravity(const Eigen::Vector3d& force_event, double span_s);
   bool knows_gravity() const { return !state_.gravity_world.isZero(); }
 
+  /// The pose's variance is so many times what is stated, for a reason that its velocity has no part in: corrections
+  /// of the pose tell the less of that.
+  void WidenPose(double times);
+
   /// Goes on to `t_ns` with what an inertial sensor read since the last update.
   void Advance(std::int64_t t_ns, const InertialMean& inertial);
 

@@ -37,9 +37,13 @@ class MotionPast {
   /// the steps that are kept, or after now.
   std::optional<MotionFilter> At(std::int64_t t_ns, const MotionFilter& now, const InertialBuffer& inertial) const;
 
+  /// Where alignments since a time found the camera: where they say, or, begun at a false pose of then, only how it has
+  /// moved since.
+  enum class Since { kPlaces, kMotion };
   /// The filter now, had it been `then` at the time of that: all steps since are made again. They are what At() tells
   /// of from now on, and `history` has their poses in place of those it had; earlier ones lie to `then` as before.
-  MotionFilter Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history);
+  MotionFilter Again(const MotionFilter& then, const InertialBuffer& inertial, PoseHistory* history,
+                     Since measured = Since::kPlaces);
 
   /// The filter now, had the standstill that goes on ended at `t_ns`, or been none if it began later: from there
   /// the inertial sensor leads it, and `history` too. Empty where nothing stands still, or the sensor has not read all

@@ -76,39 +76,54 @@ class Tries {
   double inverse_depth_ = 0;
 };
 
+/// Of all velocities along the image.
+Eigen::Vector3d BestOfGrid(const Tries& tries, double step) {
+  const auto reach_px = static_cast<float>(kReach_px * step / (kStep_px * tries.PerPixel()));
+  const int steps = static_cast<int>(kFastest_m_s / step);
+  Eigen::Vector3d best = Eigen::Vector3d::Zero();
+  double most = tries.Score(best, reach_px);
+  for (int i = -steps; i <= steps; ++i) {
+    for (int j = -steps; j <= steps; ++j) {
+      const Eigen::Vector3d velocity(i * step, j * step, 0);
+      const double score = tries.Score(velocity, reach_px);
+      if (score <= most) continue;
+      most = score;
+      best = velocity;
+    }
+  }
+  return best;
+}
+
+Eigen::Vector3d Climb(const Tries& tries, Eigen::Vector3d velocity, double step) {
+  double most = tries.Score(velocity, kReach_px);
+  while (step > kLeastStep_px * tries.PerPixel()) {
+    const Eigen::Vector3d from = velocity;
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double way : {-step, step}) {
+        // What moves towards the image's middle moves its points by less.
+        const Eigen::Vector3d there = from + (axis == 2 ? 2 * way : way) * Eigen::Vector3d::Unit(axis);
+        const double score = tries.Score(there, kReach_px);
+        if (score <= most) continue;
+        most = score;
+        velocity = there;
+      }
+    }
+    if (velocity == from) step /= 2;
+  }
+  return velocity;
+}
+
 }  // namespace
 
 Eigen::Vector3d FindStartVelocity(const LocalMap& map, const std::vector<StartView>& views, const Camera& undistorted) {
-  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
-  if (views.empty() || views.front().surface->nearest_edge.empty()) return none;
+  if (views.empty() || views.front().surface->nearest_edge.empty()) return Eigen::Vector3d::Zero();
   const Tries tries(map, views, undistorted);
-  if (!tries.enough()) return none;
+  if (!tries.enough()) return Eigen::Vector3d::Zero();
   const double step = std::max(kStep_px * tries.PerPixel(), kFastest_m_s / kMostSteps);
-  const auto reach_px = static_cast<float>(kReach_px * step / (kStep_px * tries.PerPixel()));
-  const int steps = static_cast<int>(kFastest_m_s / step);
-  Eigen::Vector3d best = none;
-  double most = tries.Score(best, reach_px);
-  const auto take_better = [&](const Eigen::Vector3d& velocity, float reach) {
-    const double score = tries.Score(velocity, reach);
-    if (score <= most) return;
-    most = score;
-    best = velocity;
-  };
-  for (int i = -steps; i <= steps; ++i) {
-    for (int j = -steps; j <= steps; ++j) take_better({i * step, j * step, 0}, reach_px);
-  }
-  most = tries.Score(best, kReach_px);
-  for (double by = step; by > kLeastStep_px * tries.PerPixel();) {
-    const Eigen::Vector3d from = best;
-    for (int axis = 0; axis < 3; ++axis) {
-      for (const double way : {-by, by}) {
-        // What moves towards the image's middle moves its points by less.
-        take_better(from + (axis == 2 ? 2 * way : way) * Eigen::Vector3d::Unit(axis), kReach_px);
-      }
-    }
-    if (best == from) by /= 2;
-  }
-  return most > kClearlyBetter * tries.Score(none, kReach_px) ? best : none;
+  Eigen::Vector3d best = Climb(tries, BestOfGrid(tries, step), step);
+  const double standing = tries.Score(Eigen::Vector3d::Zero(), kReach_px);
+  if (tries.Score(best, kReach_px) <= kClearlyBetter * standing) best.setZero();
+  return best;
 }
 
 }  // namespace devo

@@ -62,8 +62,8 @@ class Tracker {
   void Reset();
 
  private:
-  /// Starts at the first map, `surface` being the first after it: as fast as is known from a rest before, or else,
-  /// where no inertial sensor knows better, turning as the surface's events say.
+  /// Starts at the first map, `surface` being the first after it: as fast as is known from a rest before, or else
+  /// as the surfaces since show beside a gyroscope's turn, or, without one, turning as the surface's events say.
   void Begin(const Surface& surface);
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.

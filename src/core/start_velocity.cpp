@@ -65,7 +65,8 @@ class Tries {
     const int nearest = surface.NearestEdge(static_cast<int>(u + 0.5F), static_cast<int>(v + 0.5F));
     if (nearest < 0) return 0;
     const EdgePoint& edge = surface.edges[nearest];
-    if (std::abs(normal_event.x() * edge.nx + normal_event.y() * edge.ny) < kSimilar) return 0;
+    const bool known = !normal_event.isZero();
+    if (known && std::abs(normal_event.x() * edge.nx + normal_event.y() * edge.ny) < kSimilar) return 0;
     const float du = u - edge.x, dv = v - edge.y;
     return std::max(0.0F, 1 - std::sqrt(du * du + dv * dv) / reach_px);
   }

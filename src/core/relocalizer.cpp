@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "devo/core/nearest_edge_field.h"
+#include "edge_nearness.h"
 
 namespace devo {
 namespace {
@@ -22,7 +23,6 @@ constexpr std::size_t kTurnsTried = 3, kPointsPerTurn = 300;
 // Starts are compared with so many points; only the best is aligned with all of them. A search must not hold up the
 // surfaces that follow.
 constexpr std::size_t kPointsPerTry = 500;
-constexpr float kMinDepth_m = 0.05F;
 // From far enough the whole map is a speck, which matches any edge: no pose is farther from its start than this share
 // of the map's mean distance.
 constexpr double kMaxShiftShare = 1;
@@ -102,24 +102,14 @@ std::vector<Rigid3> Relocalizer::TurnedStarts(const Surface& wide, const LocalMa
   for (std::size_t i = 0; i < map.points.size(); i += stride) {
     points_event.emplace_back((T_event_ref * map.points[i].p_ref.cast<double>()).cast<float>());
   }
-  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
-  const auto cx = static_cast<float>(camera_.cx()), cy = static_cast<float>(camera_.cy());
-  const auto max_u = static_cast<float>(camera_.width() - 2), max_v = static_cast<float>(camera_.height() - 2);
+  const EdgeNearness nearness(camera_);
   std::vector<std::pair<float, Rigid3>> turns;  // score, T_world_event
   for (int yaw = -kTurnSteps; yaw <= kTurnSteps; ++yaw) {
     for (int pitch = -kTurnSteps; pitch <= kTurnSteps; ++pitch) {
       const Rigid3 turn = Rigid3::Rotation(ExpSO3({pitch * step_rad, yaw * step_rad, 0}));
       const Eigen::Matrix3f R = turn.rotation().toRotationMatrix().cast<float>();
       float score = 0;
-      for (const Eigen::Vector3f& p_event : points_event) {
-        const Eigen::Vector3f p = R * p_event;
-        const float u = fx * p.x() / p.z() + cx, v = fy * p.y() / p.z() + cy;
-        if (!(p.z() > kMinDepth_m && u >= 1 && v >= 1 && u <= max_u && v <= max_v)) continue;
-        const int id = wide.NearestEdge(static_cast<int>(u + 0.5F), static_cast<int>(v + 0.5F));
-        if (id < 0) continue;
-        const float dx = u - wide.edges[id].x, dy = v - wide.edges[id].y;
-        score += std::max(0.0F, 1 - std::sqrt(dx * dx + dy * dy) / radius_px);
-      }
+      for (const Eigen::Vector3f& p_event : points_event) score += nearness.Of(wide, R * p_event, radius_px);
       turns.emplace_back(score, T_world_event * turn.inverse());
     }
   }

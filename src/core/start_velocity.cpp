@@ -2,8 +2,9 @@
 #include "devo/core/start_velocity.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
+
+#include "edge_nearness.h"
 
 namespace devo {
 namespace {
@@ -15,15 +16,13 @@ constexpr int kMostSteps = 12;  // of the grid, to each side
 // By how much a point may miss an edge, and how far it moves from one try to the next, in the last view.
 constexpr float kReach_px = 2;
 constexpr double kStep_px = 1, kLeastStep_px = 0.25;
-constexpr float kMinDepth_m = 0.05F;
-constexpr float kSimilar = 0.8F;  // cosine between directions of a point's edge and of one that it meets
 // Chance alone makes the best of many tries better than none by some hundredths.
 constexpr double kClearlyBetter = 1.05;
 
 class Tries {
  public:
   Tries(const LocalMap& map, const std::vector<StartView>& views, const Camera& undistorted)
-      : views_(views), camera_(undistorted) {
+      : views_(views), nearness_(undistorted), fx_(undistorted.fx()) {
     const std::size_t stride = std::max<std::size_t>(1, map.points.size() / kPoints);
     for (std::size_t i = 0; i < map.points.size(); i += stride)
       points_.push_back({map.points[i].p_ref, map.points[i].normal_ref});
@@ -33,7 +32,7 @@ class Tries {
 
   bool enough() const { return points_.size() >= kLeastPoints && inverse_depth_ > 0; }
   /// m/s that move most points by a pixel in the last view.
-  double PerPixel() const { return 1 / (inverse_depth_ * camera_.fx() * views_.back().since_s); }
+  double PerPixel() const { return 1 / (inverse_depth_ * fx_ * views_.back().since_s); }
 
   /// Points and views together, of `reach_px`; 1 for each that lies on an edge.
   double Score(const Eigen::Vector3d& velocity_ref, float reach_px) const {
@@ -42,7 +41,8 @@ class Tries {
       const Eigen::Matrix3f R_event_ref = view.R_ref_event.transpose().cast<float>();
       const Eigen::Vector3f moved = (view.since_s * velocity_ref).cast<float>();
       for (const Point& point : points_) {
-        score += Met(*view.surface, R_event_ref * (point.p_ref - moved), R_event_ref * point.normal_ref, reach_px);
+        score +=
+            nearness_.Of(*view.surface, R_event_ref * (point.p_ref - moved), reach_px, R_event_ref * point.normal_ref);
       }
     }
     return score;
@@ -53,26 +53,9 @@ class Tries {
     Eigen::Vector3f p_ref, normal_ref;
   };
 
-  float Met(const Surface& surface, const Eigen::Vector3f& p_event, const Eigen::Vector3f& normal_event,
-            float reach_px) const {
-    if (!(p_event.z() > kMinDepth_m)) return 0;
-    const float u = static_cast<float>(camera_.fx()) * p_event.x() / p_event.z() + static_cast<float>(camera_.cx());
-    const float v = static_cast<float>(camera_.fy()) * p_event.y() / p_event.z() + static_cast<float>(camera_.cy());
-    if (!(u >= 1 && v >= 1 && u <= static_cast<float>(surface.width() - 2) &&
-          v <= static_cast<float>(surface.height() - 2))) {
-      return 0;
-    }
-    const int nearest = surface.NearestEdge(static_cast<int>(u + 0.5F), static_cast<int>(v + 0.5F));
-    if (nearest < 0) return 0;
-    const EdgePoint& edge = surface.edges[nearest];
-    const bool known = !normal_event.isZero();
-    if (known && std::abs(normal_event.x() * edge.nx + normal_event.y() * edge.ny) < kSimilar) return 0;
-    const float du = u - edge.x, dv = v - edge.y;
-    return std::max(0.0F, 1 - std::sqrt(du * du + dv * dv) / reach_px);
-  }
-
   const std::vector<StartView>& views_;
-  const Camera& camera_;
+  EdgeNearness nearness_;
+  double fx_;
   std::vector<Point> points_;
   double inverse_depth_ = 0;
 };

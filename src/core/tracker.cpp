@@ -304,15 +304,15 @@ bool Tracker::MayMoveUnseen(const Surface& surface) const {
 void Tracker::Begin(const Surface& surface) {
   BeginChapter(*map_);
   if (StartFromRest()) return;
-  if (inertial_.Mean(map_->t_ns, surface.t_edges_ns)) {
-    StartAt(map_->t_ns, map_->T_world_ref, VelocityBesideTurn(surface), kSeenSpeed_m_s);
+  if (const auto read = inertial_.Mean(map_->t_ns, surface.t_edges_ns)) {
+    StartAt(map_->t_ns, map_->T_world_ref, VelocityBeside(read->angular_velocity, surface), kSeenSpeed_m_s);
   } else {
     StartAt(map_->t_ns, map_->T_world_ref, TurningWith(surface));
   }
   if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
 }
 
-Vector6d Tracker::VelocityBesideTurn(const Surface& surface) const {
+Vector6d Tracker::VelocityBeside(const Eigen::Vector3d& turn_event, const Surface& surface) const {
   std::vector<StartView> views;
   const auto look_at = [&](const Surface& seen) {
     const double since_s = SecondsFromNs(seen.t_edges_ns - map_->t_ns);
@@ -324,7 +324,7 @@ Vector6d Tracker::VelocityBesideTurn(const Surface& surface) const {
   if (views.empty()) look_at(surface);
   Vector6d velocity = Vector6d::Zero();
   velocity.head<3>() = FindStartVelocity(*map_, views, camera_);
-  velocity.tail<3>() = inertial_.Mean(map_->t_ns, surface.t_edges_ns)->angular_velocity;
+  velocity.tail<3>() = turn_event;
   return velocity;
 }
 

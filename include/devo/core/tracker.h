@@ -68,9 +68,9 @@ class Tracker {
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
   bool StartFromRest();
-  /// [v; omega] at the first map where a gyroscope tells the turn, m/s and rad/s: with which its points meet the edges
-  /// of the surfaces since, `surface` being the first.
-  Vector6d VelocityBesideTurn(const Surface& surface) const;
+  /// [v; omega] at the first map where a gyroscope tells the turn until `surface`, the first after it; m/s and rad/s:
+  /// with which the map's points meet the edges of the surfaces since.
+  Vector6d VelocityBeside(const Eigen::Vector3d& turn_event, const Surface& surface) const;
   /// At the pose of its first map; how fast the camera moves is not known.
   void BeginChapter(const LocalMap& map);
   /// From the last start to this pose; zero where that is too long ago, or faster than a camera moves.

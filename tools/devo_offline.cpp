@@ -199,7 +199,10 @@ class Run {
       ++report_.depth_skipped_by_rate;
     }
   }
-  void Take(const devo::ImuSample& sample) { odometry_.AddImu(arguments_.disturbance.miscalibration.Of(sample)); }
+  void Take(const devo::ImuSample& sample) {
+    const devo::ImuSample read = arguments_.disturbance.miscalibration.Of(sample);
+    odometry_.AddImu(disturbance_ ? disturbance_->Apply(read) : read);
+  }
   void Take(const devo::GroundTruthPose& truth) {
     if (arguments_.ground_truth.empty()) truth_.push_back(truth.pose);
   }
@@ -349,7 +352,9 @@ int main(int argc, char** argv) {
         }
       },
       "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO, "
-      "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE; or of the calibration: depth_rotation=X:Y:Z, "
+      "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE, imu_noise=DEG_S:M_S2 (of each reading); or of "
+      "the "
+      "calibration: depth_rotation=X:Y:Z, "
       "imu_rotation=X:Y:Z (deg), depth_translation=X:Y:Z, imu_translation=X:Y:Z (m), event_focal=SHARE, "
       "depth_focal=SHARE, gyroscope_bias=X:Y:Z (deg/s), accelerometer_bias=X:Y:Z (m/s^2), gyroscope_scale=SHARE, "
       "accelerometer_scale=SHARE");

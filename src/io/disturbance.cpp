@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
+#include <utility>
 
 #include "devo/core/time.h"
 #include "finite_number.h"
@@ -19,6 +21,13 @@ double NumberIn(const std::string& number, const std::string& text, const char* 
   return *value;
 }
 
+/// Two numbers with a colon between.
+std::pair<double, double> PairOf(const std::string& value, const std::string& text, const char* expected) {
+  const auto colon = value.find(':');
+  return {NumberIn(value.substr(0, colon), text, expected),
+          NumberIn(colon == std::string::npos ? "" : value.substr(colon + 1), text, expected)};
+}
+
 }  // namespace
 
 void DisturbanceOptions::Add(const std::string& text) {
@@ -26,9 +35,8 @@ void DisturbanceOptions::Add(const std::string& text) {
   const std::string key = text.substr(0, equals), value = equals == std::string::npos ? "" : text.substr(equals + 1);
   if (key == "event_gap" || key == "depth_gap") {
     constexpr const char* kExpected = "FROM:TO in seconds, FROM below TO";
-    const auto colon = value.find(':');
-    const Span span{NumberIn(value.substr(0, colon), text, kExpected),
-                    NumberIn(colon == std::string::npos ? "" : value.substr(colon + 1), text, kExpected)};
+    const auto [begin_s, end_s] = PairOf(value, text, kExpected);
+    const Span span{begin_s, end_s};
     if (span.begin_s >= span.end_s) throw std::invalid_argument("disturbance '" + text + "': expected " + kExpected);
     (key == "event_gap" ? event_gaps : depth_gaps).push_back(span);
     return;
@@ -37,11 +45,16 @@ void DisturbanceOptions::Add(const std::string& text) {
     depth_latency_s = NumberIn(value, text, "seconds");
     return;
   }
+  if (key == "imu_noise") {
+    std::tie(gyroscope_noise_deg_s, accelerometer_noise_m_s2) = PairOf(value, text, "DEG_S:M_S2, in deg/s and m/s^2");
+    return;
+  }
   if (miscalibration.Add(key, value)) return;
   if (key != "event_loss" && key != "hot_pixels") {
-    throw std::invalid_argument("disturbance '" + text +
-                                "': expected event_gap=FROM:TO, depth_gap=FROM:TO, depth_latency=SECONDS, "
-                                "event_loss=SHARE, hot_pixels=SHARE or an error of the calibration");
+    throw std::invalid_argument(
+        "disturbance '" + text +
+        "': expected event_gap=FROM:TO, depth_gap=FROM:TO, depth_latency=SECONDS, "
+        "event_loss=SHARE, hot_pixels=SHARE, imu_noise=DEG_S:M_S2 or an error of the calibration");
   }
   constexpr const char* kExpected = "a share from 0 to 1";
   const double share = NumberIn(value, text, kExpected);
@@ -59,6 +72,20 @@ Disturbance::Disturbance(const DisturbanceOptions& options, int width, int heigh
 
 bool Disturbance::In(const std::vector<DisturbanceOptions::Span>& spans, double t_s) {
   return std::any_of(spans.begin(), spans.end(), [&](const auto& s) { return t_s >= s.begin_s && t_s < s.end_s; });
+}
+
+double Disturbance::Normal() {
+  // Box and Muller.
+  const double size = std::sqrt(-2 * std::log(1 - Uniform(&imu_random_)));
+  return size * std::cos(2 * M_PI * Uniform(&imu_random_));
+}
+
+ImuSample Disturbance::Apply(ImuSample sample) {
+  for (int axis = 0; axis < 3; ++axis) {
+    sample.angular_velocity[axis] += M_PI / 180 * options_.gyroscope_noise_deg_s * Normal();
+    sample.linear_acceleration[axis] += options_.accelerometer_noise_m_s2 * Normal();
+  }
+  return sample;
 }
 
 bool Disturbance::LosesDepth(std::int64_t t_ns) const {

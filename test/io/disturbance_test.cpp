@@ -47,6 +47,25 @@ TEST(Disturbance, LeavesNoEventInAGapAndAllOthers) {
   }
 }
 
+TEST(Disturbance, ShakesAnInertialSensorByTheAskedNoise) {
+  DisturbanceOptions options;
+  options.Add("imu_noise=2:0.5");
+  EXPECT_TRUE(options.any());
+  Disturbance disturbance(options, 100, 80);
+  const Eigen::Vector3d turn(1, 2, 3), force(0, 0, 9.8);
+  Eigen::Vector3d turn_square = Eigen::Vector3d::Zero(), force_square = Eigen::Vector3d::Zero();
+  const int count = 4000;
+  for (int k = 0; k < count; ++k) {
+    const ImuSample read = disturbance.Apply(ImuSample{k, turn, force, {0.1, 0, 0}});
+    EXPECT_EQ(read.t_ns, k);
+    turn_square += (read.angular_velocity - turn).cwiseAbs2() / count;
+    force_square += (read.linear_acceleration - force).cwiseAbs2() / count;
+  }
+  const double sigma_rad_s = 2 * M_PI / 180;
+  EXPECT_LT((turn_square / (sigma_rad_s * sigma_rad_s) - Eigen::Vector3d::Ones()).norm(), 0.15);
+  EXPECT_LT((force_square / 0.25 - Eigen::Vector3d::Ones()).norm(), 0.15);
+}
+
 TEST(Disturbance, AddsHotPixelsInTheOrderOfTime) {
   const auto events = Disturbed("hot_pixels=0.01");
   std::set<std::pair<int, int>> pixels;
@@ -82,6 +101,7 @@ TEST(Disturbance, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT([&] { options.Add("rain=0.3"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("rain=0.3")));
   EXPECT_THAT([&] { options.Add("event_loss=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("from 0 to 1")));
   EXPECT_THAT([&] { options.Add("event_gap=2:1"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("FROM below TO")));
+  EXPECT_THAT([&] { options.Add("imu_noise=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("DEG_S:M_S2")));
   EXPECT_THAT([&] { options.Add("depth_gap=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("FROM:TO")));
   EXPECT_FALSE(options.any());
 }

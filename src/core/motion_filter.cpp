@@ -44,7 +44,8 @@ constexpr double kMisfitWalk = 1e-3;
 constexpr double kKnownGravity_m_s2 = 1;  // its standard deviation, where accelerations are to be told from it
 // Of the mean of the first readings: the camera may be moving, and change its velocity by so much.
 constexpr double kGravitySpeed_m_s = 1, kMinGravitySigma_m_s2 = 0.5, kMaxGravitySigma_m_s2 = 4;
-// Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less.
+// Beyond it, what was read does not fit the motion (a blow, an axis at its limit) and counts for less. Where that goes
+// on, it is the sensor that does not fit (another unit): the poses would not show that, as they are not moved by it.
 constexpr double kMaxNormalisedSquare = 16;
 
 // How far poses move what an inertial sensor predicted, squared, over what is expected: stated cautiously on both
@@ -75,6 +76,14 @@ using State = MotionState;
 
 /// Of a sensor's variance, by how many times larger its errors' squares are than a good one's: gently at first.
 double Widening(double misfit) { return std::max(1.0, misfit * misfit / (misfit + kTolerated)); }
+
+/// Over `span_s`, errors of the sensor were so many `times` as large as those it is taken to have, squared.
+void NoteMisfit(double times, double span_s, double* misfit) {
+  if (span_s <= 0 || !std::isfinite(times)) return;
+  const double now = std::min(times, kMaxTimes) * Widening(*misfit);
+  const double share = 1 - std::exp(-span_s / (now > *misfit ? kMisfitGrows_s : kMisfitFades_s));
+  *misfit = std::min(kMaxMisfit, *misfit + share * (now - *misfit));
+}
 
 /// Of a sensor's errors in motion: scale, mounting and vibration make none at rest.
 double ErrorShareAtRest(const std::optional<InertialScatter>& scatter) {
@@ -336,13 +345,8 @@ void MotionFilter::NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& i
   const double fitting = shown == Shown::kAligned ? kFittingSquare : kFittingSquareOfDepth;
   const auto note = [noise, fitting](const Eigen::Vector3d& by, const Eigen::Matrix3d& expected, double* read_s,
                                      double* misfit) {
-    const double span_s = std::exchange(*read_s, 0);
-    if (span_s <= 0) return;
     const double square = by.dot(expected.ldlt().solve(by)) / (3 * noise);
-    const double times = std::min(square / fitting, kMaxTimes);
-    const double now = times * Widening(*misfit);
-    const double share = 1 - std::exp(-span_s / (now > *misfit ? kMisfitGrows_s : kMisfitFades_s));
-    if (std::isfinite(square)) *misfit = std::min(kMaxMisfit, *misfit + share * (now - *misfit));
+    NoteMisfit(square / fitting, std::exchange(*read_s, 0), misfit);
   };
   if (read_turn_s_ <= 0) return;
   const Matrix6d I = Matrix6d::Identity(), prior = PriorCovariance(shown);
@@ -424,7 +428,12 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> S =
       H * P_z + H_before * (C.transpose() * H.transpose() + before.P_ * H_before.transpose());
   S.diagonal() += variance;
-  const double square = residual.dot(S.ldlt().solve(residual));
+  const auto square_of = [&](int row, int rows) {
+    const auto part = residual.segment(row, rows);
+    return part.dot(S.block(row, row, rows, rows).ldlt().solve(part).eval());
+  };
+  const double turn_square = square_of(0, 3), push_square = n == 6 ? square_of(3, 3) : 0;
+  const double square = square_of(0, n);
   if (square > kMaxNormalisedSquare) S *= square / kMaxNormalisedSquare;
   const Eigen::Matrix<double, State::kSize, Eigen::Dynamic, 0, State::kSize, 6> gain =
       S.ldlt().solve(P_z.transpose()).transpose();
@@ -434,6 +443,14 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
   P_ -= gain * S * gain.transpose();
   P_(State::kDelay, State::kDelay) = delay_variance;
   P_ = (0.5 * (P_ + P_.transpose())).eval();
+  NoteRefused(turn_square, dt_s, &turn_misfit_, &turn_misfit_shown_);
+  NoteRefused(push_square, dt_s, &push_misfit_, &push_misfit_shown_);
+}
+
+void MotionFilter::NoteRefused(double square, double span_s, double* misfit, double* shown) {
+  if (square < kMaxNormalisedSquare || FitsNotAtAll(std::sqrt(Widening(*misfit)))) return;
+  NoteMisfit(square / kMaxNormalisedSquare, span_s, misfit);
+  *shown = std::max(*shown, *misfit);
 }
 
 void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {

@@ -308,6 +308,12 @@ InertialMean WithTurnsReversed(double t) {
   return read;
 }
 
+InertialMean InDegrees(double t) {
+  InertialMean read = ReadAt(t);
+  read.angular_velocity *= 180 / M_PI;
+  return read;
+}
+
 double ErrorAfterGap_m(MotionFilter filter, bool inertial) {
   const std::int64_t end_ns = filter.time_ns() + 30 * kPeriod_ns;
   while (filter.time_ns() < end_ns) {
@@ -440,6 +446,12 @@ TEST(MotionFilter, SaysThatTheGyroscopeDoesNotFitWhereItsAxesAreWrong) {
     EXPECT_TRUE(FitsNotAtAll(filter.inertial_fit().gyroscope)) << filter.inertial_fit().gyroscope;
     EXPECT_NE(Complaint(filter.inertial_fit()).find("the gyroscope does not fit"), std::string::npos);
   }
+}
+
+TEST(MotionFilter, SaysThatTheGyroscopeDoesNotFitWhereItReadsDegrees) {
+  MotionFilter filter = SwingingWith(ReadAt, 0.01);
+  Swing(0.5, InDegrees, 0, &filter);
+  EXPECT_TRUE(FitsNotAtAll(filter.inertial_fit().gyroscope)) << filter.inertial_fit().gyroscope;
 }
 
 TEST(MotionFilter, LeavesOutAnAccelerometerWhoseForceCannotBeGravity) {

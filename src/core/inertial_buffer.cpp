@@ -26,7 +26,13 @@ Vector Reading(const ImuSample& sample) {
 void InertialBuffer::Add(const ImuSample& sample) {
   if (!IsReading(sample) || (!samples_.empty() && sample.t_ns <= samples_.back().t_ns)) return;
   samples_.push_back(sample);
+  noise_.Add(sample);
   if (samples_.size() > kMaxSamples) samples_.pop_front();
+}
+
+void InertialBuffer::Clear() {
+  samples_.clear();
+  noise_.Clear();
 }
 
 std::optional<std::int64_t> InertialBuffer::begin_ns() const {
@@ -58,7 +64,7 @@ std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int6
     t_ns = until_ns;
   }
   const Vector mean = sum / SecondsFromNs(to_ns - from_ns);
-  InertialMean result{mean.head<3>(), std::nullopt, samples_.back().p_event_imu};
+  InertialMean result{mean.head<3>(), std::nullopt, samples_.back().p_event_imu, noise_.density()};
   if (mean.tail<3>().allFinite()) result.linear_acceleration = mean.tail<3>();
   return result;
 }

@@ -19,8 +19,7 @@ InertialMeasurement MeasuredTurn(const InertialMean& read, const MotionState& be
   for (int j = 0; j < 3; ++j) {
     m.H_after.middleCols<3>(State::kGyroscopeError + 3 * j) = turned[j] * Eigen::Matrix3d::Identity();
   }
-  // By how much the rate changes per second, of the poses so far: this reading's noise is not in it.
-  m.H_after.col(State::kDelay) = dt_s * before.acceleration.tail<3>();
+  m.H_after.col(State::kDelay) = dt_s * before.steady_turn_acceleration;
   m.H_before.middleCols<3>(State::kPhi) = -scale * ExpSO3(-turned).toRotationMatrix();
   return m;
 }

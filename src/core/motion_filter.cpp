@@ -41,6 +41,7 @@ constexpr double kGyroscopeWalk_rad_s = 5e-4, kAccelerometerWalk_m_s2 = 5e-3;  /
 // Variances of scale, mounting and place, over those at the start, that a second adds for each time that the sensor
 // fits worse than a good one.
 constexpr double kMisfitWalk = 1e-3;
+constexpr double kUsualSpan_s = 0.01;     // of what is read between two poses
 constexpr double kKnownGravity_m_s2 = 1;  // its standard deviation, where accelerations are to be told from it
 // Of the mean of the first readings: the camera may be moving, and change its velocity by so much.
 constexpr double kGravitySpeed_m_s = 1, kMinGravitySigma_m_s2 = 0.5, kMaxGravitySigma_m_s2 = 4;
@@ -71,6 +72,8 @@ constexpr double kMaxShared_m = 0.02;  // in directions that alignments leave op
 // Of a full step. What surfaces err alike lasts for tenths of a second, but a delay shows as it does only while the
 // rotation speeds up alike.
 constexpr double kDelayStep = 0.6;
+// Longer than a few readings, shorter than a swing.
+constexpr double kSteady_s = 0.06;
 
 using State = MotionState;
 
@@ -128,6 +131,7 @@ void MotionFilter::Reset() {
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
   reads_ = false;
+  quiet_share_ = 1;
 }
 
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event,
@@ -144,7 +148,7 @@ void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const V
   started_ = true;
   t_ns_ = t_ns;
   state_.velocity = velocity_event;
-  state_.acceleration.setZero();
+  state_.StopSpeedingUp();
   SetPoseAsAtStart(T_world_event);
   SetMotion(Both(speed_sigma_m_s, kStartTurn_rad_s));
 }
@@ -361,7 +365,7 @@ Matrix6d MotionFilter::velocity_covariance() const { return P_.block<6, 6>(State
 
 double MotionFilter::delay_variance_s2() const { return P_(State::kDelay, State::kDelay); }
 
-double MotionFilter::gyroscope_trust() const { return 1 / std::sqrt(Widening(turn_misfit_)); }
+double MotionFilter::gyroscope_trust() const { return quiet_share_ / std::sqrt(Widening(turn_misfit_)); }
 
 bool MotionFilter::knows_acceleration() const {
   return force_m_s2_ > 0 && knows_gravity() && !FitsBadly(inertial_fit().accelerometer) &&
@@ -377,6 +381,8 @@ InertialFit MotionFilter::inertial_fit() const {
 
 InertialMean MotionFilter::Usable(InertialMean inertial, double dt_s) {
   reads_ = true;
+  quiet_share_ =
+      kGyroscopeSigma_rad_s / std::hypot(kGyroscopeSigma_rad_s, std::sqrt(inertial.noise.turn_rad2_s / kUsualSpan_s));
   if (!inertial.linear_acceleration) return inertial;
   const double force = inertial.linear_acceleration->norm();
   force_m_s2_ += (force - force_m_s2_) * (force_m_s2_ > 0 ? 1 - std::exp(-dt_s / kForceSpan_s) : 1);
@@ -394,14 +400,17 @@ void MotionFilter::LearnGravity(const Eigen::Vector3d& force_event, double span_
   P_.diagonal().segment<3>(State::kGravity).setConstant(sigma * sigma);
 }
 
-double MotionFilter::TurnSigma(const InertialMean& inertial) const {
-  return std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm()) *
+double MotionFilter::TurnSigma(const InertialMean& inertial, double dt_s) const {
+  const double noise = std::sqrt(inertial.noise.turn_rad2_s / dt_s);
+  return std::hypot(kGyroscopeSigma_rad_s, kGyroscopeShare * inertial.angular_velocity.norm(), noise) *
          std::sqrt(Widening(turn_misfit_));
 }
 
-double MotionFilter::PushSigma(const InertialMean& inertial) const {
+double MotionFilter::PushSigma(const InertialMean& inertial, double dt_s) const {
   const double beyond_gravity = std::abs(inertial.linear_acceleration->norm() - kGravity_m_s2);
-  return std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity) * std::sqrt(Widening(push_misfit_));
+  const double noise = std::sqrt(inertial.noise.push_m2_s3 / dt_s);
+  return std::hypot(kAccelerometerSigma_m_s2, kAccelerometerShare * beyond_gravity, noise) *
+         std::sqrt(Widening(push_misfit_));
 }
 
 void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Change& F, double dt_s,
@@ -417,8 +426,8 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
     residual.segment<3>(row) = m.residual;
     variance.segment<3>(row).setConstant(std::pow(error_share * dt_s * sigma, 2));
   };
-  add(0, MeasuredTurn(inertial, before.state_, state_, dt_s), TurnSigma(inertial));
-  if (n == 6) add(3, MeasuredPush(inertial, before.state_, state_, dt_s), PushSigma(inertial));
+  add(0, MeasuredTurn(inertial, before.state_, state_, dt_s), TurnSigma(inertial, dt_s));
+  if (n == 6) add(3, MeasuredPush(inertial, before.state_, state_, dt_s), PushSigma(inertial, dt_s));
 
   // Covariances of the state now and of the measurement with it: the state before is correlated through F.
   Matrix C = before.P_;
@@ -457,6 +466,8 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s <= 0) return;
   const InertialMean usable = Usable(inertial, dt_s);
+  state_.steady_turn_acceleration +=
+      (1 - std::exp(-dt_s / kSteady_s)) * (state_.acceleration.tail<3>() - state_.steady_turn_acceleration);
   const MotionFilter before = *this;
   const Change F = Propagate(dt_s);
   t_ns_ = t_ns;
@@ -476,7 +487,7 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
   rested_s_ += dt_s;
   const auto stand = [this] {
     state_.velocity.setZero();
-    state_.acceleration.setZero();
+    state_.StopSpeedingUp();
     SetMotion(Both(kStillSpeed_m_s, kStillTurn_rad_s));
     P_.block<6, 6>(State::kV, State::kV) += std::exp(-2 * rested_s_ / kMistaken_s) * before_rest_;
   };
@@ -498,7 +509,7 @@ void MotionFilter::Coast(std::int64_t t_ns) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s > 0) Propagate(dt_s);
   t_ns_ = t_ns;
-  state_.acceleration.setZero();
+  state_.StopSpeedingUp();
   state_.velocity *= std::exp(-dt_s / kCoast_s);
   // Coasting for long must not let the covariance overflow what a search can cover.
   P_ = P_ / std::max(1.0, P_.diagonal().head<6>().maxCoeff());

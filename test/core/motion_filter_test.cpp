@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <random>
 #include <string>
 
@@ -314,6 +315,20 @@ InertialMean InDegrees(double t) {
   return read;
 }
 
+/// Shaken: what is read in 10 ms errs by this much. `known`: its noise is.
+Reader Shaken(double turn_sigma_rad_s, double push_sigma_m_s2, bool known) {
+  const auto random = std::make_shared<std::mt19937>(5);
+  return [=](double t) {
+    std::normal_distribution<double> normal;
+    InertialMean read = ReadAt(t);
+    read.angular_velocity += turn_sigma_rad_s * Eigen::Vector3d::NullaryExpr([&] { return normal(*random); });
+    *read.linear_acceleration += push_sigma_m_s2 * Eigen::Vector3d::NullaryExpr([&] { return normal(*random); });
+    const double period_s = SecondsFromNs(kPeriod_ns);
+    if (known) read.noise = {std::pow(turn_sigma_rad_s, 2) * period_s, std::pow(push_sigma_m_s2, 2) * period_s};
+    return read;
+  };
+}
+
 double ErrorAfterGap_m(MotionFilter filter, bool inertial) {
   const std::int64_t end_ns = filter.time_ns() + 30 * kPeriod_ns;
   while (filter.time_ns() < end_ns) {
@@ -452,6 +467,16 @@ TEST(MotionFilter, SaysThatTheGyroscopeDoesNotFitWhereItReadsDegrees) {
   MotionFilter filter = SwingingWith(ReadAt, 0.01);
   Swing(0.5, InDegrees, 0, &filter);
   EXPECT_TRUE(FitsNotAtAll(filter.inertial_fit().gyroscope)) << filter.inertial_fit().gyroscope;
+}
+
+TEST(MotionFilter, TakesTheNoiseOfAShakenSensorForNoDelay) {
+  EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10).delay_s(), 0, 1e-3);
+  EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10, 0.008).delay_s(), 0.008, 2e-3);
+}
+
+TEST(MotionFilter, TrustsAGyroscopeLessTheMoreItIsShaken) {
+  EXPECT_GT(SwingingWith(Shaken(0.001, 0.02, true), 2).gyroscope_trust(), 0.9);
+  EXPECT_LT(SwingingWith(Shaken(0.03, 0.5, true), 2).gyroscope_trust(), 0.3);
 }
 
 TEST(MotionFilter, LeavesOutAnAccelerometerWhoseForceCannotBeGravity) {

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include "devo/core/imu.h"
+#include "devo/core/inertial_noise.h"
 
 namespace devo {
 
@@ -16,6 +17,7 @@ struct InertialMean {
   Eigen::Vector3d angular_velocity;                    ///< rad/s, event frame, bias included
   std::optional<Eigen::Vector3d> linear_acceleration;  ///< specific force, m/s^2, event frame, bias included
   Eigen::Vector3d p_event_imu;                         ///< m, event frame
+  InertialNoise::Density noise{};                      ///< of the sensor about the last sample
 };
 
 /// How means over 10 ms differ from their own mean: standard deviation, root mean square over the axes.
@@ -48,10 +50,11 @@ class InertialBuffer {
   /// gravity, as velocities do not grow for long. Empty without an accelerometer or before the second sample.
   std::optional<Push> MeanPush(std::int64_t t_ns) const;
 
-  void Clear() { samples_.clear(); }
+  void Clear();
 
  private:
   std::deque<ImuSample> samples_;
+  InertialNoise noise_;
 };
 
 }  // namespace devo

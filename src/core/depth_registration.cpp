@@ -21,7 +21,12 @@ constexpr int kCellBits = 2;
 static_assert(1 << kCellBits == DepthRegistration::kCell);
 constexpr int kMinReadings = 3;
 constexpr std::size_t kMaxReadings = 64;
-constexpr int kMaxReach = 4;  // px
+constexpr double kMinRadius_px = 1.5, kMaxRadius_px = 4;
+// An image that holds few readings, far apart (a LiDAR's, projected), is looked at farther around an edge: so that this
+// many are expected there.
+constexpr double kExpectedReadings = 6;
+constexpr int kMaxReach = 8;          // px, for which room is kept
+constexpr int kDensityRowsApart = 4;  // of the rows that its density is told by
 
 struct Neighbour {
   float dx, dy, z;
@@ -179,6 +184,24 @@ ReadingWarp WarpTo(const Camera& event_camera, int cells_per_row, const Rigid3& 
           cells_per_row};
 }
 
+/// Whether a driver has put a reading there: no zero, and not NaN.
+bool IsReading(float z) { return z > 0; }
+
+/// Share of the readings' neighbours, to the right and below, that are readings: of an image with large holes about
+/// one, of lines a half, of single readings far apart about their density. One where there is none.
+double DensityOf(const cv::Mat1f& depth_m) {
+  int readings = 0, neighbours = 0;
+  for (int y = 0; y + 1 < depth_m.rows; y += kDensityRowsApart) {
+    const float *row = depth_m[y], *next = depth_m[y + 1];
+    for (int x = 0; x + 1 < depth_m.cols; ++x) {
+      const int reading = IsReading(row[x]);
+      readings += reading;
+      neighbours += reading * (IsReading(row[x + 1]) + IsReading(next[x]));
+    }
+  }
+  return readings == 0 ? 1 : 0.5 * neighbours / readings;
+}
+
 /// Sets a square of kWidth x kWidth pixels; the fixed width makes each row a few plain stores.
 template <int kWidth>
 void FillSquare(std::uint8_t* first, std::size_t step) {
@@ -190,8 +213,8 @@ void FillSquare(std::uint8_t* first, std::size_t step) {
 DepthRegistration::DepthRegistration(const Camera& event_camera, const Camera& depth_camera,
                                      const MappingOptions& options)
     : event_camera_(event_camera), options_(options), depth_rays_(2),
-      radius_px_(static_cast<float>(std::clamp(2.0 * event_camera.fx() / depth_camera.fx(), 1.5, double{kMaxReach}))),
-      wanted_(event_camera.height(), event_camera.width()), first_(event_camera.height(), event_camera.width()),
+      focal_ratio_(event_camera.fx() / depth_camera.fx()), wanted_(event_camera.height(), event_camera.width()),
+      first_(event_camera.height(), event_camera.width()),
       readings_(static_cast<std::size_t>(depth_camera.width()) * depth_camera.height()),
       cell_depth_((event_camera.height() + kCell - 1) / kCell, (event_camera.width() + kCell - 1) / kCell),
       row_z_(depth_camera.width()), row_u_(depth_camera.width()), row_v_(depth_camera.width()),
@@ -201,18 +224,24 @@ DepthRegistration::DepthRegistration(const Camera& event_camera, const Camera& d
 
 void DepthRegistration::MarkNeighbourhoods(const std::vector<EdgePoint>& edges) {
   wanted_.setTo(0);
-  const int reach = static_cast<int>(std::ceil(radius_px_));  // 2 to 4
-  const auto fill = reach == 2 ? FillSquare<5> : reach == 3 ? FillSquare<7> : FillSquare<9>;
+  const int reach = static_cast<int>(std::ceil(radius_px_));
+  const auto fill = reach == 2 ? FillSquare<5> : reach == 3 ? FillSquare<7> : reach == 4 ? FillSquare<9> : nullptr;
   for (const EdgePoint& edge : edges) {
     const int x = static_cast<int>(edge.x + 0.5F), y = static_cast<int>(edge.y + 0.5F);
     const int x0 = std::max(x - reach, 0), x1 = std::min(x + reach, wanted_.cols - 1);
     const int y0 = std::max(y - reach, 0), y1 = std::min(y + reach, wanted_.rows - 1);
-    if (x1 - x0 == 2 * reach && y1 - y0 == 2 * reach) {
+    if (fill && x1 - x0 == 2 * reach && y1 - y0 == 2 * reach) {
       fill(wanted_[y0] + x0, wanted_.step);
     } else {
       for (int row = y0; row <= y1; ++row) std::fill(wanted_[row] + x0, wanted_[row] + x1 + 1, 255);
     }
   }
+}
+
+float DepthRegistration::RadiusFor(const cv::Mat1f& depth_m) const {
+  const double usual_px = std::clamp(2 * focal_ratio_, kMinRadius_px, kMaxRadius_px);
+  const double sparse_px = focal_ratio_ * std::sqrt(kExpectedReadings / (M_PI * std::max(DensityOf(depth_m), 1e-3)));
+  return static_cast<float>(std::min(std::max(usual_px, sparse_px), double{kMaxReach}));
 }
 
 int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth, const std::vector<EdgePoint>& edges) {
@@ -223,6 +252,7 @@ int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth
             << size.width << "x" << size.height << " as in the depth camera's calibration";
     throw std::invalid_argument(message.str());
   }
+  radius_px_ = RadiusFor(depth.depth_m);
   MarkNeighbourhoods(edges);
   first_.setTo(-1);
   cell_depth_.setTo(0);

@@ -76,6 +76,23 @@ TEST(DepthRegistration, GivesTheClosedFormDepthOfAFrontalPlaneSeenByAnOffsetDist
   ExpectDepthOf(kFrontal, DepthCamera(), EventFromDepth(), 1e-4);
 }
 
+TEST(DepthRegistration, LooksFartherAroundAnEdgeWhereReadingsAreFarApart) {
+  DepthImage sparse = SeenBy(EventCamera(), Rigid3(), kSlanted);
+  std::mt19937 random(4);
+  for (float& z : sparse.depth_m) z = random() % 100 < 5 ? z : 0;
+  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
+  const auto edges = Edges();
+  registration.Warp(sparse, Rigid3(), edges);
+  std::size_t found = 0;
+  for (const EdgePoint& edge : edges) {
+    const auto depth = registration.DepthAt(edge.x, edge.y);
+    if (!depth) continue;
+    ++found;
+    EXPECT_NEAR(depth->z_m, kSlanted.DepthAt(edge.x, edge.y), 0.04) << edge.x << " " << edge.y;
+  }
+  EXPECT_GT(found, edges.size() / 2);
+}
+
 TEST(DepthRegistration, GivesTheClosedFormDepthOfASlantedPlaneToAMillimetre) {
   ExpectDepthOf(kSlanted, DepthCamera(), EventFromDepth(), 1e-3);
 }

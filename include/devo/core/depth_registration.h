@@ -70,6 +70,8 @@ class DepthRegistration {
     int next;  // of the same pixel, -1 ends the list
   };
 
+  /// Of the neighbourhood of an edge, by how densely the image holds readings.
+  float RadiusFor(const cv::Mat1f& depth_m) const;
   void MarkNeighbourhoods(const std::vector<EdgePoint>& edges);
   void FetchLists(const EdgePoint& edge) const;
   void FetchReadings(const EdgePoint& edge) const;
@@ -77,7 +79,8 @@ class DepthRegistration {
   Camera event_camera_;
   MappingOptions options_;
   std::vector<cv::Mat> depth_rays_;  // x and y of the rays (x, y, 1), one image each
-  float radius_px_;                  // of the neighbourhood, from the ratio of the cameras' resolutions
+  double focal_ratio_;               // pixels of the event image per pixel of the depth image
+  float radius_px_ = 0;              // of the neighbourhood, for the last image
   cv::Mat1b wanted_;                 // pixels whose readings are listed
   cv::Mat1i first_;                  // head of each pixel's list, -1 empty
   std::vector<Reading> readings_;    // room for all pixels of a depth image

@@ -72,8 +72,9 @@ constexpr double kMaxShared_m = 0.02;  // in directions that alignments leave op
 // Of a full step. What surfaces err alike lasts for tenths of a second, but a delay shows as it does only while the
 // rotation speeds up alike.
 constexpr double kDelayStep = 0.6;
-// Longer than a few readings, shorter than a swing.
-constexpr double kSteady_s = 0.06;
+// What a delay is told by lags behind a quiet sensor by nothing, behind a noisy one by up to a few readings: longer,
+// and a swing were over.
+constexpr double kLongestSteady_s = 0.06;
 
 using State = MotionState;
 
@@ -466,8 +467,9 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s <= 0) return;
   const InertialMean usable = Usable(inertial, dt_s);
+  const double steady_s = std::max(kLongestSteady_s * (1 - quiet_share_), 1e-6);
   state_.steady_turn_acceleration +=
-      (1 - std::exp(-dt_s / kSteady_s)) * (state_.acceleration.tail<3>() - state_.steady_turn_acceleration);
+      (1 - std::exp(-dt_s / steady_s)) * (state_.acceleration.tail<3>() - state_.steady_turn_acceleration);
   const MotionFilter before = *this;
   const Change F = Propagate(dt_s);
   t_ns_ = t_ns;

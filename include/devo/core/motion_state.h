@@ -23,8 +23,8 @@ struct MotionState {
   Eigen::Vector3d gravity_world = Eigen::Vector3d::Zero();       ///< m/s^2; zero: not known
   Eigen::Vector3d gyroscope_bias = Eigen::Vector3d::Zero();      ///< rad/s, event frame
   Eigen::Vector3d accelerometer_bias = Eigen::Vector3d::Zero();  ///< m/s^2, event frame
-  /// Of the turn, rad/s^2, as it was over the last hundredths of a second: what a delay is told by. The acceleration
-  /// itself follows the gyroscope's noise, which poses then correct: together that would seem a delay.
+  /// Of the turn, rad/s^2, as it was over the last hundredths of a second where the gyroscope is noisy: what a delay is
+  /// told by. The acceleration itself follows that noise, which poses then correct: together that would seem a delay.
   Eigen::Vector3d steady_turn_acceleration = Eigen::Vector3d::Zero();
   double delay_s = 0;  ///< by how much later than the inertial sensor's stamps events show the same motion
   /// What the gyroscope reads beside its bias, over the turning rate, less identity: scale, mounting and cross axes.

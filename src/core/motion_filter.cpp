@@ -132,7 +132,7 @@ void MotionFilter::Reset() {
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
   reads_ = false;
-  quiet_share_ = 1;
+  noise_ = {};
 }
 
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event,
@@ -366,7 +366,11 @@ Matrix6d MotionFilter::velocity_covariance() const { return P_.block<6, 6>(State
 
 double MotionFilter::delay_variance_s2() const { return P_(State::kDelay, State::kDelay); }
 
-double MotionFilter::gyroscope_trust() const { return quiet_share_ / std::sqrt(Widening(turn_misfit_)); }
+double MotionFilter::gyroscope_trust() const { return QuietShare() / std::sqrt(Widening(turn_misfit_)); }
+
+double MotionFilter::QuietShare() const {
+  return kGyroscopeSigma_rad_s / std::hypot(kGyroscopeSigma_rad_s, std::sqrt(noise_.turn_rad2_s / kUsualSpan_s));
+}
 
 bool MotionFilter::knows_acceleration() const {
   return force_m_s2_ > 0 && knows_gravity() && !FitsBadly(inertial_fit().accelerometer) &&
@@ -375,15 +379,15 @@ bool MotionFilter::knows_acceleration() const {
 
 InertialFit MotionFilter::inertial_fit() const {
   if (!reads_) return {};
-  InertialFit fit{std::sqrt(Widening(turn_misfit_shown_)), 0, force_m_s2_};
+  InertialFit fit{std::sqrt(Widening(turn_misfit_shown_)), 0, force_m_s2_, std::sqrt(noise_.turn_rad2_s),
+                  std::sqrt(noise_.push_m2_s3)};
   if (force_m_s2_ > 0) fit.accelerometer = std::sqrt(Widening(push_misfit_shown_));
   return fit;
 }
 
 InertialMean MotionFilter::Usable(InertialMean inertial, double dt_s) {
   reads_ = true;
-  quiet_share_ =
-      kGyroscopeSigma_rad_s / std::hypot(kGyroscopeSigma_rad_s, std::sqrt(inertial.noise.turn_rad2_s / kUsualSpan_s));
+  noise_ = inertial.noise;
   if (!inertial.linear_acceleration) return inertial;
   const double force = inertial.linear_acceleration->norm();
   force_m_s2_ += (force - force_m_s2_) * (force_m_s2_ > 0 ? 1 - std::exp(-dt_s / kForceSpan_s) : 1);
@@ -467,7 +471,7 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s <= 0) return;
   const InertialMean usable = Usable(inertial, dt_s);
-  const double steady_s = std::max(kLongestSteady_s * (1 - quiet_share_), 1e-6);
+  const double steady_s = std::max(kLongestSteady_s * (1 - QuietShare()), 1e-6);
   state_.steady_turn_acceleration +=
       (1 - std::exp(-dt_s / steady_s)) * (state_.acceleration.tail<3>() - state_.steady_turn_acceleration);
   const MotionFilter before = *this;

@@ -69,6 +69,8 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
     gyroscope_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope));
     accelerometer_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer));
     force_m_s2_.push_back(static_cast<float>(estimate.inertial_fit.force_m_s2));
+    gyroscope_noise_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope_noise));
+    accelerometer_noise_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer_noise));
   }
   chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
@@ -80,7 +82,8 @@ double RunReport::Coverage(std::int64_t end) const {
 }
 
 InertialFit RunReport::inertial_fit() const {
-  return {Percentile(gyroscope_, 0.5), Percentile(accelerometer_, 0.5), Percentile(force_m_s2_, 0.5)};
+  return {Percentile(gyroscope_, 0.5), Percentile(accelerometer_, 0.5), Percentile(force_m_s2_, 0.5),
+          Percentile(gyroscope_noise_, 0.5), Percentile(accelerometer_noise_, 0.5)};
 }
 
 double RunReport::RealTimeFactor() const { return wall_s > 0 ? SecondsFromNs(end_ns - begin_ns) / wall_s : 0; }
@@ -99,6 +102,8 @@ std::string RunReport::ToJson() const {
   json["inertial_fit"] = {{"gyroscope", fit.gyroscope},
                           {"accelerometer", fit.accelerometer},
                           {"force_m_s2", fit.force_m_s2},
+                          {"gyroscope_noise_deg_s_sqrt_hz", 180 / M_PI * fit.gyroscope_noise},
+                          {"accelerometer_noise_m_s2_sqrt_hz", fit.accelerometer_noise},
                           {"complaint", Complaint(fit)}};
   json["inertial_calibration"] = inertial_calibration_ ? CalibrationJson(*inertial_calibration_) : Json(nullptr);
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,

@@ -307,6 +307,8 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.addf("delay of the IMU (ms)", "%.1f", 1e3 * last_.delays.inertial_s);
   status.addf("gyroscope's errors (times a good one's)", "%.1f", last_.inertial_fit.gyroscope);
   status.addf("accelerometer's errors (times a good one's)", "%.1f", last_.inertial_fit.accelerometer);
+  status.addf("noise of the gyroscope (deg/s/sqrt(Hz))", "%.4f", 180 / M_PI * last_.inertial_fit.gyroscope_noise);
+  status.addf("noise of the accelerometer (m/s^2/sqrt(Hz))", "%.4f", last_.inertial_fit.accelerometer_noise);
   if (last_.inertial_calibration) {
     const auto add = [&status](const char* key, const Eigen::Vector3d& v) {
       status.addf(key, "%.2f %.2f %.2f", v.x(), v.y(), v.z());

@@ -66,11 +66,13 @@ TEST(RunReport, SaysWhatIsWrongWithAnInertialSensorMostOfTheTime) {
   report.AddPose(pose);
   EXPECT_EQ(nlohmann::json::parse(report.ToJson())["inertial_fit"]["complaint"], "");
   for (const double gyroscope : {1.0, 300.0, 400.0}) {
-    pose.inertial_fit = {gyroscope, 1, 9.8};
+    pose.inertial_fit = {gyroscope, 1, 9.8, M_PI / 180, 0.02};
     report.AddPose(pose);
   }
   const auto json = nlohmann::json::parse(report.ToJson())["inertial_fit"];
   EXPECT_EQ(json["gyroscope"], 300);
+  EXPECT_NEAR(json["gyroscope_noise_deg_s_sqrt_hz"].get<double>(), 1, 1e-6);
+  EXPECT_NEAR(json["accelerometer_noise_m_s2_sqrt_hz"].get<double>(), 0.02, 1e-6);
   EXPECT_NE(json["complaint"].get<std::string>().find("rad/s"), std::string::npos);
 }
 

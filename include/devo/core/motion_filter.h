@@ -165,6 +165,8 @@ class MotionFilter {
   static void NoteRefused(double square, double span_s, double* misfit, double* shown);
   /// Without the accelerometer where that cannot be one in m/s^2.
   InertialMean Usable(InertialMean inertial, double dt_s);
+  /// Of the errors of a good gyroscope in those that this one has with its noise.
+  double QuietShare() const;
   /// Standard deviations of the sensor's readings in motion, rad/s and m/s^2.
   double TurnSigma(const InertialMean& inertial, double dt_s) const;
   double PushSigma(const InertialMean& inertial, double dt_s) const;
@@ -181,7 +183,7 @@ class MotionFilter {
   double read_turn_s_ = 0, read_push_s_ = 0;  // since the last pose
   double force_m_s2_ = 0;                     // mean; 0: not known
   bool reads_ = false;
-  double quiet_share_ = 1;  // of the errors of a good gyroscope in those that this one has with its noise
+  InertialNoise::Density noise_;  // as last read
   // Of the state; of the pose as a right perturbation.
   Matrix P_ = Matrix::Zero();
   Matrix6d before_rest_ = Matrix6d::Zero();  // mean square of the velocity, while it is held still

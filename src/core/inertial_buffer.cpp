@@ -9,8 +9,7 @@
 namespace devo {
 namespace {
 
-constexpr std::size_t kMaxSamples = 4000;        // 2.5 s of the fastest drivers
-constexpr std::int64_t kMaxGap_ns = 50'000'000;  // between samples: the slowest drivers have 50 Hz
+constexpr std::size_t kMaxSamples = 4000;  // 2.5 s of the fastest drivers
 constexpr double kPushSpan_s = 1;
 
 using Vector = Eigen::Matrix<double, 6, 1>;
@@ -56,7 +55,7 @@ std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int6
       sum += Reading(*sample) * SecondsFromNs(to_ns - t_ns);
       break;
     }
-    if (next->t_ns - sample->t_ns > kMaxGap_ns) return std::nullopt;
+    if (next->t_ns - sample->t_ns > kMaxImuGap_ns) return std::nullopt;
     const std::int64_t until_ns = std::min(next->t_ns, to_ns);
     const double middle = SecondsFromNs((t_ns - sample->t_ns) + (until_ns - sample->t_ns)) /
                           (2 * SecondsFromNs(next->t_ns - sample->t_ns));
@@ -76,7 +75,7 @@ std::optional<InertialBuffer::Push> InertialBuffer::MeanPush(std::int64_t t_ns) 
     const auto before = sample + 1;
     const double dt_s = SecondsFromNs(sample->t_ns - before->t_ns);
     if (sample->t_ns > t_ns) continue;
-    if (dt_s > SecondsFromNs(kMaxGap_ns) || push.span_s > kPushSpan_s) break;
+    if (dt_s > SecondsFromNs(kMaxImuGap_ns) || push.span_s > kPushSpan_s) break;
     const Eigen::Vector3d force = 0.5 * (sample->linear_acceleration + before->linear_acceleration);
     const Eigen::Vector3d turn = 0.5 * dt_s * (sample->angular_velocity + before->angular_velocity);
     if (!force.allFinite()) break;

@@ -9,8 +9,7 @@
 namespace devo {
 namespace {
 
-constexpr std::int64_t kMean_ns = 9'500'000;     // two samples at 200 Hz, whose stamps may shake
-constexpr std::int64_t kMaxGap_ns = 50'000'000;  // as long as what lies between samples is read
+constexpr std::int64_t kMean_ns = 9'500'000;  // two samples at 200 Hz, whose stamps may shake
 // Sum of the squares of 1, -4, 6, -4, 1.
 constexpr double kSquareOfDifference = 70;
 constexpr double kForget_s = 0.3;
@@ -33,7 +32,7 @@ void Follow(double square, double share, double least, double* variance) {
 }  // namespace
 
 void InertialNoise::Add(const ImuSample& sample) {
-  if (sample.t_ns - last_ns_ > kMaxGap_ns) {
+  if (sample.t_ns - last_ns_ > kMaxImuGap_ns) {
     have_ = 0;
     count_ = 0;
   } else if (count_ > 0 && sample.t_ns - begin_ns_ >= kMean_ns) {

@@ -72,8 +72,8 @@ constexpr double kMaxShared_m = 0.02;  // in directions that alignments leave op
 // Of a full step. What surfaces err alike lasts for tenths of a second, but a delay shows as it does only while the
 // rotation speeds up alike.
 constexpr double kDelayStep = 0.6;
-// What a delay is told by lags behind a quiet sensor by nothing, behind a noisy one by up to a few readings: longer,
-// and a swing were over.
+// What a delay is told by is averaged over no time beside a quiet sensor, over a few readings beside a noisy one: not
+// over a whole swing.
 constexpr double kLongestSteady_s = 0.06;
 
 using State = MotionState;

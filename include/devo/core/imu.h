@@ -8,6 +8,9 @@
 
 namespace devo {
 
+/// Longer than this from one sample to the next, some are missing: the slowest drivers have 50 Hz.
+constexpr std::int64_t kMaxImuGap_ns = 50'000'000;
+
 /// One sample of an inertial sensor.
 struct ImuSample {
   std::int64_t t_ns = 0;

@@ -184,19 +184,20 @@ ReadingWarp WarpTo(const Camera& event_camera, int cells_per_row, const Rigid3& 
           cells_per_row};
 }
 
-/// Whether a driver has put a reading there: no zero, and not NaN.
-bool IsReading(float z) { return z > 0; }
-
 /// Share of the readings' neighbours, to the right and below, that are readings: of an image with large holes about
 /// one, of lines a half, of single readings far apart about their density. One where there is none.
-double DensityOf(const cv::Mat1f& depth_m) {
+double DensityOf(const cv::Mat1f& depth_m, const MappingOptions& options) {
+  const auto is_reading = [min_m = static_cast<float>(options.min_depth_m),
+                           max_m = static_cast<float>(options.max_depth_m)](float z_m) {
+    return ValidDepthOrZero(z_m, min_m, max_m) > 0;
+  };
   int readings = 0, neighbours = 0;
   for (int y = 0; y + 1 < depth_m.rows; y += kDensityRowsApart) {
     const float *row = depth_m[y], *next = depth_m[y + 1];
     for (int x = 0; x + 1 < depth_m.cols; ++x) {
-      const int reading = IsReading(row[x]);
+      const int reading = is_reading(row[x]);
       readings += reading;
-      neighbours += reading * (IsReading(row[x + 1]) + IsReading(next[x]));
+      neighbours += reading * (is_reading(row[x + 1]) + is_reading(next[x]));
     }
   }
   return readings == 0 ? 1 : 0.5 * neighbours / readings;
@@ -240,7 +241,8 @@ void DepthRegistration::MarkNeighbourhoods(const std::vector<EdgePoint>& edges) 
 
 float DepthRegistration::RadiusFor(const cv::Mat1f& depth_m) const {
   const double usual_px = std::clamp(2 * focal_ratio_, kMinRadius_px, kMaxRadius_px);
-  const double sparse_px = focal_ratio_ * std::sqrt(kExpectedReadings / (M_PI * std::max(DensityOf(depth_m), 1e-3)));
+  const double sparse_px =
+      focal_ratio_ * std::sqrt(kExpectedReadings / (M_PI * std::max(DensityOf(depth_m, options_), 1e-3)));
   return static_cast<float>(std::min(std::max(usual_px, sparse_px), double{kMaxReach}));
 }
 

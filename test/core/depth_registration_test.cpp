@@ -76,10 +76,11 @@ TEST(DepthRegistration, GivesTheClosedFormDepthOfAFrontalPlaneSeenByAnOffsetDist
   ExpectDepthOf(kFrontal, DepthCamera(), EventFromDepth(), 1e-4);
 }
 
-TEST(DepthRegistration, LooksFartherAroundAnEdgeWhereReadingsAreFarApart) {
+/// At most edges, where one pixel in twenty holds a reading and the others `none`.
+void ExpectDepthOfSparse(float none) {
   DepthImage sparse = SeenBy(EventCamera(), Rigid3(), kSlanted);
   std::mt19937 random(4);
-  for (float& z : sparse.depth_m) z = random() % 100 < 5 ? z : 0;
+  for (float& z : sparse.depth_m) z = random() % 100 < 5 ? z : none;
   DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
   const auto edges = Edges();
   registration.Warp(sparse, Rigid3(), edges);
@@ -91,6 +92,12 @@ TEST(DepthRegistration, LooksFartherAroundAnEdgeWhereReadingsAreFarApart) {
     EXPECT_NEAR(depth->z_m, kSlanted.DepthAt(edge.x, edge.y), 0.04) << edge.x << " " << edge.y;
   }
   EXPECT_GT(found, edges.size() / 2);
+}
+
+TEST(DepthRegistration, LooksFartherAroundAnEdgeWhereReadingsAreFarApart) {
+  ExpectDepthOfSparse(0);
+  ExpectDepthOfSparse(std::numeric_limits<float>::infinity());
+  ExpectDepthOfSparse(std::numeric_limits<float>::quiet_NaN());
 }
 
 TEST(DepthRegistration, GivesTheClosedFormDepthOfASlantedPlaneToAMillimetre) {

@@ -89,6 +89,13 @@ void NoteMisfit(double times, double span_s, double* misfit) {
   *misfit = std::min(kMaxMisfit, *misfit + share * (now - *misfit));
 }
 
+/// A reading with this normalised square, if that is too large for a motion, says that the sensor does not fit.
+void NoteRefused(double square, double span_s, double* misfit, double* shown) {
+  if (square < kMaxNormalisedSquare || FitsNotAtAll(std::sqrt(Widening(*misfit)))) return;
+  NoteMisfit(square / kMaxNormalisedSquare, span_s, misfit);
+  *shown = std::max(*shown, *misfit);
+}
+
 /// Of a sensor's errors in motion: scale, mounting and vibration make none at rest.
 double ErrorShareAtRest(const std::optional<InertialScatter>& scatter) {
   if (!scatter) return 1;
@@ -459,12 +466,6 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
   P_ = (0.5 * (P_ + P_.transpose())).eval();
   NoteRefused(turn_square, dt_s, &turn_misfit_, &turn_misfit_shown_);
   NoteRefused(push_square, dt_s, &push_misfit_, &push_misfit_shown_);
-}
-
-void MotionFilter::NoteRefused(double square, double span_s, double* misfit, double* shown) {
-  if (square < kMaxNormalisedSquare || FitsNotAtAll(std::sqrt(Widening(*misfit)))) return;
-  NoteMisfit(square / kMaxNormalisedSquare, span_s, misfit);
-  *shown = std::max(*shown, *misfit);
 }
 
 void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {

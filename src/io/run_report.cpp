@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -65,13 +66,7 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   covariances_.push_back(estimate.covariance_event);
   delays_ = estimate.delays;
   inertial_calibration_ = estimate.inertial_calibration;
-  if (estimate.inertial_fit.gyroscope > 0) {
-    gyroscope_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope));
-    accelerometer_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer));
-    force_m_s2_.push_back(static_cast<float>(estimate.inertial_fit.force_m_s2));
-    gyroscope_noise_.push_back(static_cast<float>(estimate.inertial_fit.gyroscope_noise));
-    accelerometer_noise_.push_back(static_cast<float>(estimate.inertial_fit.accelerometer_noise));
-  }
+  if (estimate.inertial_fit.gyroscope > 0) inertial_fits_.push_back(estimate.inertial_fit);
   chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
 
@@ -82,8 +77,14 @@ double RunReport::Coverage(std::int64_t end) const {
 }
 
 InertialFit RunReport::inertial_fit() const {
-  return {Percentile(gyroscope_, 0.5), Percentile(accelerometer_, 0.5), Percentile(force_m_s2_, 0.5),
-          Percentile(gyroscope_noise_, 0.5), Percentile(accelerometer_noise_, 0.5)};
+  const auto median = [this](double InertialFit::*of) {
+    std::vector<float> values;
+    values.reserve(inertial_fits_.size());
+    for (const InertialFit& fit : inertial_fits_) values.push_back(static_cast<float>(fit.*of));
+    return Percentile(std::move(values), 0.5);
+  };
+  return {median(&InertialFit::gyroscope), median(&InertialFit::accelerometer), median(&InertialFit::force_m_s2),
+          median(&InertialFit::gyroscope_noise), median(&InertialFit::accelerometer_noise)};
 }
 
 double RunReport::RealTimeFactor() const { return wall_s > 0 ? SecondsFromNs(end_ns - begin_ns) / wall_s : 0; }

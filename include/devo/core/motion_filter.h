@@ -161,8 +161,6 @@ class MotionFilter {
   void NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected);
   /// `moved`: from what was predicted to what was measured.
   void NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& information, double variance_scale);
-  /// A reading with this normalised square, if that is too large for a motion, says that the sensor does not fit.
-  static void NoteRefused(double square, double span_s, double* misfit, double* shown);
   /// Without the accelerometer where that cannot be one in m/s^2.
   InertialMean Usable(InertialMean inertial, double dt_s);
   /// Of the errors of a good gyroscope in those that this one has with its noise.

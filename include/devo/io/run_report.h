@@ -62,8 +62,7 @@ class RunReport {
   int chapters_ = 0;
   SensorDelays delays_;                                      // of the last pose
   std::optional<InertialCalibration> inertial_calibration_;  // the same
-  // InertialFit of each pose with readings.
-  std::vector<float> gyroscope_, accelerometer_, force_m_s2_, gyroscope_noise_, accelerometer_noise_;
+  std::vector<InertialFit> inertial_fits_;                   // of each pose with readings
   std::vector<Interval> lost_;
   bool lost_now_ = false;
   std::optional<std::int64_t> first_reference_ns_;

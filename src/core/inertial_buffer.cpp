@@ -2,7 +2,9 @@
 #include "devo/core/inertial_buffer.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "devo/core/inertial_fit.h"
 #include "devo/core/rigid3.h"
 #include "devo/core/time.h"
 
@@ -41,7 +43,7 @@ std::optional<std::int64_t> InertialBuffer::begin_ns() const {
 
 std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int64_t to_ns) const {
   if (samples_.empty() || to_ns <= from_ns || samples_.front().t_ns > from_ns ||
-      samples_.back().t_ns + kMaxHold_ns < to_ns) {
+      samples_.back().t_ns + kMaxHold_ns < to_ns || IsTooNoisy(std::sqrt(noise().turn_rad2_s))) {
     return std::nullopt;
   }
   // From the last sample that is not later than the span's begin.
@@ -63,7 +65,7 @@ std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int6
     t_ns = until_ns;
   }
   const Vector mean = sum / SecondsFromNs(to_ns - from_ns);
-  InertialMean result{mean.head<3>(), std::nullopt, samples_.back().p_event_imu, noise_.density()};
+  InertialMean result{mean.head<3>(), std::nullopt, samples_.back().p_event_imu, noise()};
   if (mean.tail<3>().allFinite()) result.linear_acceleration = mean.tail<3>();
   return result;
 }

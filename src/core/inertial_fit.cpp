@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/inertial_fit.h"
 
+#include <cmath>
 #include <cstdio>
 
 namespace devo {
@@ -9,6 +10,8 @@ namespace {
 constexpr double kMinForce_m_s2 = 5, kMaxForce_m_s2 = 20;
 // A sensor that fits passes the first one only for moments in which the poses err.
 constexpr double kFitsBadly = 4, kFitsNotAtAll = 15;
+// Twice of what makes a sensor worth as much as none (docs/results.md, "An IMU that is shaken"): 0.14 deg/s/sqrt(Hz).
+constexpr double kTooNoisy = 2.5e-3;
 
 }  // namespace
 
@@ -18,9 +21,16 @@ bool FitsBadly(double times_its_errors) { return times_its_errors > kFitsBadly; 
 
 bool FitsNotAtAll(double times_its_errors) { return times_its_errors > kFitsNotAtAll; }
 
+bool IsTooNoisy(double gyroscope_noise) { return gyroscope_noise > kTooNoisy; }
+
 std::string Complaint(const InertialFit& fit) {
   char text[256] = "";
-  if (FitsNotAtAll(fit.gyroscope)) {
+  if (IsTooNoisy(fit.gyroscope_noise)) {
+    std::snprintf(text, sizeof(text),
+                  "the gyroscope is noisy or shaken (%.2f deg/s/sqrt(Hz)) and is left out: check that it is in rad/s, "
+                  "mount the IMU softly, or let its own filter cut off lower",
+                  180 / M_PI * fit.gyroscope_noise);
+  } else if (FitsNotAtAll(fit.gyroscope)) {
     std::snprintf(text, sizeof(text),
                   "the gyroscope does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
                   "place (T_event_imu or /tf_static), its axes, signs and stamps, and that it is in rad/s",

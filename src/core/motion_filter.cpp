@@ -138,7 +138,7 @@ void MotionFilter::Reset() {
   state_ = {};
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
-  reads_ = false;
+  read_ns_.reset();
   noise_ = {};
 }
 
@@ -339,7 +339,7 @@ void MotionFilter::WidenPose(double times) { P_.topLeftCorner<6, 6>() *= times; 
 
 void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected) {
   // An inertial sensor tells of accelerations before poses do.
-  if (!options_.ideas.calm_motion || reads_) return;
+  if (!options_.ideas.calm_motion || (read_ns_ && t_ns_ - *read_ns_ < kMaxImuGap_ns)) return;
   const double since_s = SecondsFromNs(t_ns_ - std::exchange(manoeuvre_ns_, t_ns_));
   const double before = manoeuvre_.variance_share();
   const Vector6d found = state_.acceleration.cwiseAbs2().cwiseQuotient(LiveliestVariance());
@@ -385,15 +385,14 @@ bool MotionFilter::knows_acceleration() const {
 }
 
 InertialFit MotionFilter::inertial_fit() const {
-  if (!reads_) return {};
-  InertialFit fit{std::sqrt(Widening(turn_misfit_shown_)), 0, force_m_s2_, std::sqrt(noise_.turn_rad2_s),
-                  std::sqrt(noise_.push_m2_s3)};
+  if (!read_ns_) return {};
+  InertialFit fit{std::sqrt(Widening(turn_misfit_shown_)), 0, force_m_s2_};
   if (force_m_s2_ > 0) fit.accelerometer = std::sqrt(Widening(push_misfit_shown_));
   return fit;
 }
 
 InertialMean MotionFilter::Usable(InertialMean inertial, double dt_s) {
-  reads_ = true;
+  read_ns_ = t_ns_;
   noise_ = inertial.noise;
   if (!inertial.linear_acceleration) return inertial;
   const double force = inertial.linear_acceleration->norm();

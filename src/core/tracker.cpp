@@ -288,7 +288,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
   pose.chapter = map_->chapter;
   pose.state = state_;
-  pose.inertial_fit = motion_.inertial_fit();
+  pose.inertial_fit = InertialFitNow();
   if (pose.inertial_fit.gyroscope > 0) pose.inertial_calibration = motion_.state().Calibration();
   if (std::exchange(anew_, false)) pose.earlier = {{started_ns_, T_world_started_}};
   ContinueToNow(held_, &pose);
@@ -445,6 +445,14 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
   return inertial.has_value();
 }
 
+InertialFit Tracker::InertialFitNow() const {
+  const double turn_noise = std::sqrt(inertial_.noise().turn_rad2_s);
+  InertialFit fit = IsTooNoisy(turn_noise) ? InertialFit() : motion_.inertial_fit();
+  fit.gyroscope_noise = turn_noise;
+  fit.accelerometer_noise = std::sqrt(inertial_.noise().push_m2_s3);
+  return fit;
+}
+
 bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit().gyroscope); }
 
 bool Tracker::FollowsInertial() const { return inertial_prior_ && InertialFits(); }
@@ -477,11 +485,12 @@ bool Tracker::IsMoving(const Surface& surface, double unseen_s) {
   const auto now = PredictAt(t_ns);
   const double flow_px_s = Flow(now.velocity_event);
   activity_.NoteUnseen(flow_px_s, SecondsFromNs(t_ns - motion_.time_ns()));
-  if (activity_.RulesOutMotion() && !motion_.knows_acceleration()) return false;
+  const bool led = InertialLeadsTo(t_ns);
+  if (activity_.RulesOutMotion() && !(led && motion_.knows_acceleration())) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down. Where noise shows that no events are missing, it must be sure of that.
-  if (InertialLeadsTo(t_ns)) {
+  if (led) {
     return MovesClearly(now, motion_.knows_acceleration() ? kKnownMoving : kInertialClearlyMoving) ||
            (!unseen_long && !surface.noise_goes_on && !IsBelow(now.velocity_event, kInertialStopping_m_s));
   }

@@ -66,7 +66,8 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   covariances_.push_back(estimate.covariance_event);
   delays_ = estimate.delays;
   inertial_calibration_ = estimate.inertial_calibration;
-  if (estimate.inertial_fit.gyroscope > 0) inertial_fits_.push_back(estimate.inertial_fit);
+  if (estimate.inertial_fit.gyroscope > 0 || estimate.inertial_fit.gyroscope_noise > 0)
+    inertial_fits_.push_back(estimate.inertial_fit);
   chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
 

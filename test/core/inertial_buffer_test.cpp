@@ -2,6 +2,7 @@
 #include "devo/core/inertial_buffer.h"
 
 #include <limits>
+#include <random>
 
 #include <gtest/gtest.h>
 
@@ -81,6 +82,24 @@ TEST(InertialBuffer, HasNoMeanAcrossAGap) {
   buffer.Add(At(0, {1, 0, 0}));
   buffer.Add(At(200 * kMs, {1, 0, 0}));
   EXPECT_FALSE(buffer.Mean(10 * kMs, 20 * kMs));
+}
+
+TEST(InertialBuffer, HasNoMeanWhileItsSamplesAreTooNoisyToBeOfUse) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  InertialBuffer buffer;
+  std::int64_t t_ns = 0;
+  const auto has_mean_after = [&](double sigma_rad_s) {
+    for (int k = 0; k < 600; ++k) {
+      t_ns += 5 * kMs;
+      buffer.Add(At(t_ns, sigma_rad_s * Vector3d(normal(random), normal(random), normal(random))));
+    }
+    return buffer.Mean(t_ns - 10 * kMs, t_ns).has_value();
+  };
+  // At 200 Hz: 0.07, 0.2 and again 0.07 deg/s/sqrt(Hz).
+  EXPECT_TRUE(has_mean_after(0.017));
+  EXPECT_FALSE(has_mean_after(0.05));
+  EXPECT_TRUE(has_mean_after(0.017));
 }
 
 TEST(InertialBuffer, LeavesOutSamplesThatAreNotNewerOrNotFinite) {

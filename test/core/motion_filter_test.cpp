@@ -474,12 +474,6 @@ TEST(MotionFilter, TakesTheNoiseOfAShakenSensorForNoDelay) {
   EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10, 0.008).delay_s(), 0.008, 2e-3);
 }
 
-TEST(MotionFilter, SaysHowNoisyAnInertialSensorIs) {
-  const InertialFit fit = SwingingWith(Shaken(0.03, 0.5, true), 1).inertial_fit();
-  EXPECT_NEAR(fit.gyroscope_noise, 0.03 * std::sqrt(SecondsFromNs(kPeriod_ns)), 1e-9);
-  EXPECT_NEAR(fit.accelerometer_noise, 0.5 * std::sqrt(SecondsFromNs(kPeriod_ns)), 1e-9);
-}
-
 TEST(MotionFilter, TrustsAGyroscopeLessTheMoreItIsShaken) {
   EXPECT_GT(SwingingWith(Shaken(0.001, 0.02, true), 2).gyroscope_trust(), 0.9);
   EXPECT_LT(SwingingWith(Shaken(0.03, 0.5, true), 2).gyroscope_trust(), 0.3);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -323,6 +324,33 @@ TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMo
   }
   ASSERT_TRUE(pose);
   EXPECT_LT(ErrorOf(*pose), 3e-3);  // held, it would be 3e-2
+}
+
+TEST(Tracker, GoesOnAsWithoutAnInertialSensorWhereThatIsShakenTooMuch) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  const auto estimate = [&](bool read) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 30; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      for (int i = -4; read && i <= 0; ++i) {
+        ImuSample sample = Read(t_ns + i * kPeriod_ns / 5);
+        for (double& axis : sample.angular_velocity) axis += 0.2 * normal(random);
+        tracker.AddImu(sample);
+      }
+      // Before a tenth of a second its noise is not known.
+      if (k > 10) pose = tracker.Track(Seen(t_ns, TrueAt(t_ns)));
+    }
+    return *pose;
+  };
+  const PoseEstimate pose = estimate(true);
+  EXPECT_EQ(pose.T_world_event.translation(), estimate(false).T_world_event.translation());
+  EXPECT_TRUE(pose.velocity_of_poses);
+  EXPECT_EQ(pose.inertial_fit.gyroscope, 0);
+  EXPECT_NEAR(pose.inertial_fit.gyroscope_noise, 0.2 / std::sqrt(500), 0.4 * 0.2 / std::sqrt(500));
+  EXPECT_NE(Complaint(pose.inertial_fit).find("noisy or shaken"), std::string::npos) << Complaint(pose.inertial_fit);
 }
 
 TEST(Tracker, TellsASlowMotionWithoutEventsFromAStopByTheInertialSensor) {

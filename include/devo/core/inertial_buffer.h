@@ -36,8 +36,11 @@ class InertialBuffer {
   void Add(const ImuSample& sample);
 
   /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for kMaxHold_ns (samples come later
-  /// than events). Empty where the samples leave a part of the span open.
+  /// than events). Empty where the samples leave a part of the span open, or are too noisy of late to be of use.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
+
+  /// Of the sensor about the last sample.
+  const InertialNoise::Density& noise() const { return noise_.density(); }
 
   /// Time of the oldest sample that is kept. Empty before the first.
   std::optional<std::int64_t> begin_ns() const;

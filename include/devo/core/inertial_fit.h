@@ -24,6 +24,9 @@ bool FitsBadly(double times_its_errors);
 /// So large that nothing of its readings is of use: axes, signs or units, or stamps many hundredths of a second off.
 bool FitsNotAtAll(double times_its_errors);
 
+/// So noisy, vibration included, that poses are better without it (rad/s/sqrt(Hz)).
+bool IsTooNoisy(double gyroscope_noise);
+
 /// What is likely wrong, in one sentence that names what to check; empty where the sensor fits, or there is none.
 std::string Complaint(const InertialFit& fit);
 

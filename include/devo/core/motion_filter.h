@@ -127,7 +127,7 @@ class MotionFilter {
   double gyroscope_trust() const;
   /// Whether an accelerometer that fits the motion is in use, and it is known which way is down.
   bool knows_acceleration() const;
-  /// Of the sensor's readings with the poses, about the worst of the last seconds.
+  /// Of the sensor's readings with the poses, about the worst of the last seconds; without its noise.
   InertialFit inertial_fit() const;
   void Reset();
 
@@ -180,7 +180,7 @@ class MotionFilter {
   double turn_misfit_shown_ = 0, push_misfit_shown_ = 0;
   double read_turn_s_ = 0, read_push_s_ = 0;  // since the last pose
   double force_m_s2_ = 0;                     // mean; 0: not known
-  bool reads_ = false;
+  std::optional<std::int64_t> read_ns_;       // the inertial sensor, last
   InertialNoise::Density noise_;  // as last read
   // Of the state; of the pose as a right perturbation.
   Matrix P_ = Matrix::Zero();

@@ -120,6 +120,7 @@ class Tracker {
   bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
+  InertialFit InertialFitNow() const;
   bool InertialFits() const;  // as far as is known
   /// One that fits has read from the filter's time to this.
   bool InertialLeadsTo(std::int64_t t_ns) const;

@@ -34,6 +34,7 @@ void InertialBuffer::Add(const ImuSample& sample) {
 void InertialBuffer::Clear() {
   samples_.clear();
   noise_.Clear();
+  used_ = true;
 }
 
 std::optional<std::int64_t> InertialBuffer::begin_ns() const {
@@ -42,8 +43,13 @@ std::optional<std::int64_t> InertialBuffer::begin_ns() const {
 }
 
 std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int64_t to_ns) const {
+  if (!used_ || IsTooNoisy(std::sqrt(noise().turn_rad2_s))) return std::nullopt;
+  return MeanRead(from_ns, to_ns);
+}
+
+std::optional<InertialMean> InertialBuffer::MeanRead(std::int64_t from_ns, std::int64_t to_ns) const {
   if (samples_.empty() || to_ns <= from_ns || samples_.front().t_ns > from_ns ||
-      samples_.back().t_ns + kMaxHold_ns < to_ns || IsTooNoisy(std::sqrt(noise().turn_rad2_s))) {
+      samples_.back().t_ns + kMaxHold_ns < to_ns) {
     return std::nullopt;
   }
   // From the last sample that is not later than the span's begin.

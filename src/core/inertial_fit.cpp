@@ -30,7 +30,7 @@ std::string Complaint(const InertialFit& fit) {
                   "the gyroscope is noisy or shaken (%.2f deg/s/sqrt(Hz)) and is left out: check that it is in rad/s, "
                   "mount the IMU softly, or let its own filter cut off lower",
                   180 / M_PI * fit.gyroscope_noise);
-  } else if (FitsNotAtAll(fit.gyroscope)) {
+  } else if (fit.left_out || FitsNotAtAll(fit.gyroscope)) {
     std::snprintf(text, sizeof(text),
                   "the gyroscope does not fit the motion (%.0f times its errors) and is left out: check the IMU's "
                   "place (T_event_imu or /tf_static), its axes, signs and stamps, and that it is in rad/s",

@@ -136,22 +136,36 @@ Vector6d Both(double translation, double rotation) {
 void MotionFilter::Reset() {
   started_ = false;
   state_ = {};
+  ForgetInertial();
+}
+
+void MotionFilter::ForgetInertial() {
+  MotionState motion;
+  motion.T_world_event = state_.T_world_event;
+  motion.velocity = state_.velocity;
+  motion.acceleration = state_.acceleration;
+  motion.shared_error = state_.shared_error;
+  state_ = motion;
   turn_misfit_ = push_misfit_ = turn_misfit_shown_ = push_misfit_shown_ = 0;
   force_m_s2_ = read_turn_s_ = read_push_s_ = 0;
   read_ns_.reset();
   noise_ = {};
+  constexpr int kFixed = State::kSize - State::kChanging;
+  P_.bottomRows<kFixed>().setZero();
+  P_.rightCols<kFixed>().setZero();
+  P_.diagonal().segment<3>(State::kGyroscopeBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
+  P_.diagonal().segment<3>(State::kAccelerometerBias).setConstant(std::pow(kAccelerometerBias_m_s2, 2));
+  P_(State::kDelay, State::kDelay) = options_.max_delay_s > 0 ? std::pow(kDelaySigma_s, 2) : 0;
+  P_.block<9, 9>(State::kGyroscopeError, State::kGyroscopeError) = GyroscopeErrorVariance();
+  P_.diagonal().segment<3>(State::kLeverError).setConstant(kLever_m * kLever_m);
+  P_(State::kAccelerometerScale, State::kAccelerometerScale) = kAccelerometerScale * kAccelerometerScale;
 }
 
 void MotionFilter::Start(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event,
                          double speed_sigma_m_s) {
   if (!started_) {
     P_.setZero();
-    P_.diagonal().segment<3>(State::kGyroscopeBias).setConstant(std::pow(kGyroscopeBias_rad_s, 2));
-    P_.diagonal().segment<3>(State::kAccelerometerBias).setConstant(std::pow(kAccelerometerBias_m_s2, 2));
-    P_(State::kDelay, State::kDelay) = options_.max_delay_s > 0 ? std::pow(kDelaySigma_s, 2) : 0;
-    P_.block<9, 9>(State::kGyroscopeError, State::kGyroscopeError) = GyroscopeErrorVariance();
-    P_.diagonal().segment<3>(State::kLeverError).setConstant(kLever_m * kLever_m);
-    P_(State::kAccelerometerScale, State::kAccelerometerScale) = kAccelerometerScale * kAccelerometerScale;
+    ForgetInertial();
   }
   started_ = true;
   t_ns_ = t_ns;

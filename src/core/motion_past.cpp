@@ -35,6 +35,11 @@ void MotionPast::Note(const MotionFilter& before, const Step& step) {
   while (SecondsFromNs(step.t_ns - steps_.front().step.t_ns) > kMaxDepthLatency_s) steps_.pop_front();
 }
 
+std::optional<MotionFilter> MotionPast::Oldest() const {
+  if (steps_.empty()) return std::nullopt;
+  return steps_.front().before;
+}
+
 std::optional<MotionFilter> MotionPast::At(std::int64_t t_ns, const MotionFilter& now,
                                            const InertialBuffer& inertial) const {
   if (t_ns == now.time_ns()) return now;

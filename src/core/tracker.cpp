@@ -144,7 +144,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   estimate.T_world_event = T_world_then;
   estimate.covariance = covariance;
   estimate.variance_scale = residual_scale_.variance_scale();
-  estimate.guided = FollowsInertial();
+  estimate.guided = inertial_prior_;
   estimate.event_delay_s = DelayAgainstInertial();
   estimate.doubtful = quality_.suspicious_in_a_row() > 0;
   const auto correction = depth_fusion_.Correct(depth, estimate);
@@ -163,7 +163,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
 
 bool Tracker::GoesAstrayAgain(std::int64_t t_ns) const {
   const bool known = SecondsFromNs(t_ns - depth_fusion_.velocity_since_ns()) < kEven_s;
-  return known && !FollowsInertial() && depth_fusion_.replacements() > 1;
+  return known && !inertial_prior_ && depth_fusion_.replacements() > 1;
 }
 
 void Tracker::StartByDepth(const DepthPose& depth, const Vector6d& velocity_event) {
@@ -178,7 +178,7 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
   const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
   if (by_events) T_world_by_depth_ = T_world_now;
   const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
-  const bool inertial = coasting_ && FollowsInertial() && state_ != TrackingState::kLost;
+  const bool inertial = coasting_ && inertial_prior_ && state_ != TrackingState::kLost;
   const int least = inertial ? kInertialContradictions : kContradictions;
   if (sure_of_events || (depth_fusion_.contradictions() < least && !IsSeenMoving())) return;
   // What two images span of the motion before a standstill says nothing of now.
@@ -227,6 +227,7 @@ void Tracker::Reset() {
   held_ = coasting_ = false;
   T_world_by_depth_.reset();
   inertial_.Clear();
+  trial_ = {};
   rest_.Clear();
   relocalizer_.Clear();
   state_ = TrackingState::kInitialising;
@@ -283,6 +284,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     if (motion_.time_ns() > started_ns_) past_.Note(before, step_);
     history_.Add(motion_.time_ns(), motion_.pose());
   }
+  TryInertial();
   NoteActivity(surface, pose);
   if (state_ != TrackingState::kLost || surface.still) last_found_ns_ = surface.t_ns;
   pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
@@ -377,8 +379,8 @@ void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
   const auto now = held ? motion_.AtRest() : PredictAt(t_shown_ns);
   pose->T_world_event = now.T_world_event;
   pose->velocity_event = SurfaceVelocity();
-  pose->velocity_of_poses = !FollowsInertial();
-  if (FollowsInertial() && !held) pose->acceleration_event = motion_.acceleration_event();
+  pose->velocity_of_poses = !inertial_prior_;
+  if (inertial_prior_ && !held) pose->acceleration_event = motion_.acceleration_event();
   pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
 }
 
@@ -391,9 +393,8 @@ SensorDelays Tracker::Delays() const {
 }
 
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const {
-  const bool guided = FollowsInertial();
-  const double by_residuals = std::pow(residual_scale_.variance_scale(), guided ? kGuidedExponent : 1);
-  Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), guided) * by_residuals * now.covariance;
+  const double by_residuals = std::pow(residual_scale_.variance_scale(), inertial_prior_ ? kGuidedExponent : 1);
+  Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), inertial_prior_) * by_residuals * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * event_delay_s, 2)
@@ -405,7 +406,6 @@ Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now, double e
 }
 
 void Tracker::LeaveRest() {
-  if (!InertialFits()) return;
   const std::int64_t begun_ns = motion_.time_ns() - NsFromSeconds(kBeginsUnseen_s);
   if (const auto moving = past_.AgainInMotion(begun_ns, inertial_, &history_)) motion_ = *moving;
 }
@@ -445,23 +445,30 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
   return inertial.has_value();
 }
 
+void Tracker::TryInertial() {
+  const bool trusted = state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
+  const InertialFit fit = motion_.inertial_fit();
+  if (!trial_.Note({motion_.time_ns(), motion_.pose(), trusted, !held_}, fit.gyroscope, inertial_)) return;
+  inertial_.SetUsed(trial_.used());
+  if (trial_.used()) return;
+  unfit_ = fit;
+  inertial_prior_ = false;
+  motion_.ForgetInertial();
+  auto then = past_.Oldest();
+  if (!then) return;
+  then->ForgetInertial();
+  motion_ = past_.Again(*then, inertial_, &history_);
+}
+
 InertialFit Tracker::InertialFitNow() const {
-  const double turn_noise = std::sqrt(inertial_.noise().turn_rad2_s);
-  InertialFit fit = IsTooNoisy(turn_noise) ? InertialFit() : motion_.inertial_fit();
-  fit.gyroscope_noise = turn_noise;
+  InertialFit fit = inertial_.used() ? motion_.inertial_fit() : unfit_;
+  fit.gyroscope_noise = std::sqrt(inertial_.noise().turn_rad2_s);
   fit.accelerometer_noise = std::sqrt(inertial_.noise().push_m2_s3);
+  fit.left_out = !inertial_.used() || IsTooNoisy(fit.gyroscope_noise);
   return fit;
 }
 
-bool Tracker::InertialFits() const { return !FitsNotAtAll(motion_.inertial_fit().gyroscope); }
-
-bool Tracker::FollowsInertial() const { return inertial_prior_ && InertialFits(); }
-
-bool Tracker::InertialLeadsTo(std::int64_t t_ns) const { return InertialFits() && Inertial(motion_, t_ns); }
-
-bool Tracker::IsLed() const {
-  return FollowsInertial() || depth_fusion_.AgreedWithin(kDepthLeads_s, motion_.time_ns());
-}
+bool Tracker::IsLed() const { return inertial_prior_ || depth_fusion_.AgreedWithin(kDepthLeads_s, motion_.time_ns()); }
 
 MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
   MotionFilter ahead = motion_;
@@ -472,7 +479,7 @@ MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
 bool Tracker::TurnsUnseen(std::int64_t t_ns) const {
   // Of where it is meanwhile, depth says enough.
   if (!depth_fusion_.AgreedInPartWithin(kMaxCoast_s, t_ns)) return false;
-  if (t_ns <= motion_.time_ns() || !InertialLeadsTo(t_ns)) return false;
+  if (t_ns <= motion_.time_ns() || !Inertial(motion_, t_ns)) return false;
   const auto now = PredictAt(t_ns);
   const Eigen::Vector3d turn = now.velocity_event.tail<3>();
   const Eigen::Matrix3d covariance = now.velocity_covariance.bottomRightCorner<3, 3>();
@@ -485,7 +492,7 @@ bool Tracker::IsMoving(const Surface& surface, double unseen_s) {
   const auto now = PredictAt(t_ns);
   const double flow_px_s = Flow(now.velocity_event);
   activity_.NoteUnseen(flow_px_s, SecondsFromNs(t_ns - motion_.time_ns()));
-  const bool led = InertialLeadsTo(t_ns);
+  const bool led = Inertial(motion_, t_ns).has_value();
   if (activity_.RulesOutMotion() && !(led && motion_.knows_acceleration())) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
@@ -508,7 +515,7 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   if (quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
   step_.kind = MotionPast::Kind::kCoasting;
-  step_.inertial = InertialFits() && Advance(t_ns, &motion_);
+  step_.inertial = Advance(t_ns, &motion_);
   if (!step_.inertial) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
@@ -525,13 +532,13 @@ PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double s
   return prior;
 }
 
-bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_fits) {
+bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share) {
   const int search_every = Surfaces(kSearchEvery_s);
   const bool in_turn = quality_.suspicious_in_a_row() % search_every == search_every - 1;
   // What a search did not find, the next surface hardly shows better.
   const bool searched = t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
   // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
-  const bool doubtful = in_turn && (quality_.IsBad(inlier_share) || !inertial_fits);
+  const bool doubtful = in_turn && (quality_.IsBad(inlier_share) || !inertial_prior_);
   const bool wants = unsure_ || (quality_.IsSuspicious(inlier_share) && ((coasted_ && !searched) || doubtful));
   if (wants) searched_ns_ = t_ns;
   unsure_ = false;
@@ -553,7 +560,7 @@ Tracker::ErrorsAlike Tracker::PointsThatErrAlike(const Surface& surface) const {
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // While lost, velocities are guesses: nothing is built on them. Those of an inertial sensor are not, for a while.
   const bool lost = state_ == TrackingState::kLost && !begun_;
-  const bool goes_on = lost && InertialFits() && SecondsFromNs(surface.t_ns - last_found_ns_) < kInertialCoast_s;
+  const bool goes_on = lost && SecondsFromNs(surface.t_ns - last_found_ns_) < kInertialCoast_s;
   inertial_prior_ = (!lost || goes_on) && Advance(surface.t_edges_ns, &motion_);
   step_.inertial = inertial_prior_;
   const auto predicted = motion_.Predict(surface.t_edges_ns);
@@ -569,15 +576,15 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);
   const bool suspicious = quality_.IsSuspicious(result.inlier_share);
   if (suspicious && quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
-  const bool inertial_fits = FollowsInertial(), bad = quality_.IsBad(result.inlier_share);
-  const bool search = WantsSearch(surface.t_ns, result.inlier_share, inertial_fits);
+  const bool bad = quality_.IsBad(result.inlier_share);
+  const bool search = WantsSearch(surface.t_ns, result.inlier_share);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     const Rigid3 T_world_found = map_->T_world_ref * result.T_event_ref.inverse();
     const Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
     const bool by_events = velocity.isZero() && !inertial_prior_;
     StartAt(surface.t_edges_ns, T_world_found, by_events ? TurningWith(surface) : velocity);
     coasted_ = false;
-  } else if (inertial_fits && (bad || (lost && suspicious))) {
+  } else if (inertial_prior_ && (bad || (lost && suspicious))) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
@@ -613,11 +620,11 @@ bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d
 
 bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result) {
   if (!options_.tracking.ideas.search) return false;
-  const double rules_out_s = FollowsInertial() ? kInertialRulesOutSearch_s : kRulesOutSearch_s;
+  const double rules_out_s = inertial_prior_ ? kInertialRulesOutSearch_s : kRulesOutSearch_s;
   if (depth_fusion_.AgreedWithin(rules_out_s, surface.t_edges_ns)) return false;
   const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
-  const double unknown_rad = FollowsInertial() ? kInertialUnknown_rad : unknown_m;
+  const double unknown_rad = inertial_prior_ ? kInertialUnknown_rad : unknown_m;
   Matrix6d wide = covariance;
   wide.diagonal().head<3>().array() += unknown_m * unknown_m;
   wide.diagonal().tail<3>().array() += unknown_rad * unknown_rad;
@@ -627,7 +634,7 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
                                          state_ == TrackingState::kLost,
                                          std::max(0.5 * quality_.usual_share(), result->inlier_share + kBetterBy));
   // What an inertial sensor saw of the way is better than a view that matches less than usual.
-  if (!found || (FollowsInertial() && quality_.IsSuspicious(found->alignment.inlier_share))) return false;
+  if (!found || (inertial_prior_ && quality_.IsSuspicious(found->alignment.inlier_share))) return false;
   *result = found->alignment;
   map_ = found->map;
   return true;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -66,8 +67,8 @@ void RunReport::AddPose(const PoseEstimate& estimate) {
   covariances_.push_back(estimate.covariance_event);
   delays_ = estimate.delays;
   inertial_calibration_ = estimate.inertial_calibration;
-  if (estimate.inertial_fit.gyroscope > 0 || estimate.inertial_fit.gyroscope_noise > 0)
-    inertial_fits_.push_back(estimate.inertial_fit);
+  const InertialFit& fit = estimate.inertial_fit;
+  if (fit.gyroscope > 0 || fit.left_out) inertial_fits_.push_back(fit);
   chapters_ = std::max(chapters_, estimate.chapter + 1);
 }
 
@@ -84,8 +85,11 @@ InertialFit RunReport::inertial_fit() const {
     for (const InertialFit& fit : inertial_fits_) values.push_back(static_cast<float>(fit.*of));
     return Percentile(std::move(values), 0.5);
   };
-  return {median(&InertialFit::gyroscope), median(&InertialFit::accelerometer), median(&InertialFit::force_m_s2),
-          median(&InertialFit::gyroscope_noise), median(&InertialFit::accelerometer_noise)};
+  const auto left_out =
+      std::count_if(inertial_fits_.begin(), inertial_fits_.end(), std::mem_fn(&InertialFit::left_out));
+  return {median(&InertialFit::gyroscope),           median(&InertialFit::accelerometer),
+          median(&InertialFit::force_m_s2),          median(&InertialFit::gyroscope_noise),
+          median(&InertialFit::accelerometer_noise), 2 * static_cast<std::size_t>(left_out) > inertial_fits_.size()};
 }
 
 double RunReport::RealTimeFactor() const { return wall_s > 0 ? SecondsFromNs(end_ns - begin_ns) / wall_s : 0; }
@@ -106,6 +110,7 @@ std::string RunReport::ToJson() const {
                           {"force_m_s2", fit.force_m_s2},
                           {"gyroscope_noise_deg_s_sqrt_hz", 180 / M_PI * fit.gyroscope_noise},
                           {"accelerometer_noise_m_s2_sqrt_hz", fit.accelerometer_noise},
+                          {"left_out", fit.left_out},
                           {"complaint", Complaint(fit)}};
   json["inertial_calibration"] = inertial_calibration_ ? CalibrationJson(*inertial_calibration_) : Json(nullptr);
   for (const auto state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kDegraded,

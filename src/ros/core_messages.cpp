@@ -194,6 +194,7 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   stream.next(estimate.inertial_fit.force_m_s2);
   stream.next(estimate.inertial_fit.gyroscope_noise);
   stream.next(estimate.inertial_fit.accelerometer_noise);
+  stream.next(static_cast<std::uint8_t>(estimate.inertial_fit.left_out));
   stream.next(static_cast<std::int32_t>(estimate.chapter));
   stream.next(static_cast<std::uint8_t>(estimate.needs_map));
   stream.next(static_cast<std::uint8_t>(estimate.state));
@@ -226,6 +227,9 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   stream.next(estimate.inertial_fit.force_m_s2);
   stream.next(estimate.inertial_fit.gyroscope_noise);
   stream.next(estimate.inertial_fit.accelerometer_noise);
+  std::uint8_t left_out = 0;
+  stream.next(left_out);
+  estimate.inertial_fit.left_out = left_out != 0;
   stream.next(estimate.chapter);
   std::uint8_t needs_map = 0;
   stream.next(needs_map);

@@ -102,6 +102,15 @@ TEST(InertialBuffer, HasNoMeanWhileItsSamplesAreTooNoisyToBeOfUse) {
   EXPECT_TRUE(has_mean_after(0.017));
 }
 
+TEST(InertialBuffer, HasNoMeanOfASensorThatIsNotToBeUsedButOfWhatItRead) {
+  InertialBuffer buffer = Growing();
+  buffer.SetUsed(false);
+  EXPECT_FALSE(buffer.Mean(10 * kMs, 20 * kMs));
+  EXPECT_TRUE(buffer.MeanRead(10 * kMs, 20 * kMs));
+  buffer.Clear();
+  EXPECT_TRUE(buffer.used());
+}
+
 TEST(InertialBuffer, LeavesOutSamplesThatAreNotNewerOrNotFinite) {
   InertialBuffer buffer;
   buffer.Add(At(0, {1, 1, 1}));

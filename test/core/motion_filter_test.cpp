@@ -495,6 +495,26 @@ TEST(MotionFilter, TakesAnInertialSensorBackWhenItFitsAgain) {
   EXPECT_EQ(Complaint(filter.inertial_fit()), "");
 }
 
+TEST(MotionFilter, ForgetsAnInertialSensorButNotTheMotion) {
+  MotionFilter filter = Swinging(3, true);
+  const MotionState before = filter.state();
+  const Matrix6d covariance = filter.pose_covariance();
+  ASSERT_FALSE(before.gyroscope_bias.isZero());
+  filter.ForgetInertial();
+  EXPECT_TRUE(filter.state().gyroscope_bias.isZero());
+  EXPECT_TRUE(filter.state().gyroscope_error.isZero());
+  EXPECT_FALSE(filter.knows_gravity());
+  EXPECT_EQ(filter.inertial_fit().gyroscope, 0);
+  EXPECT_EQ(filter.delay_s(), 0);
+  EXPECT_GT(filter.delay_variance_s2(), 0);
+  EXPECT_EQ(filter.state().velocity, before.velocity);
+  EXPECT_EQ(filter.pose_covariance(), covariance);
+  // And learns it anew.
+  Swing(5, ReadAt, 0, &filter);
+  EXPECT_EQ(Complaint(filter.inertial_fit()), "");
+  EXPECT_LT((filter.state().gyroscope_bias - kTurnBias).norm(), 0.002);
+}
+
 TEST(MotionFilter, TakesABlowForNoMotion) {
   MotionFilter filter = Swinging(3, true);
   const std::int64_t next_ns = filter.time_ns() + kPeriod_ns;

@@ -353,6 +353,30 @@ TEST(Tracker, GoesOnAsWithoutAnInertialSensorWhereThatIsShakenTooMuch) {
   EXPECT_NE(Complaint(pose.inertial_fit).find("noisy or shaken"), std::string::npos) << Complaint(pose.inertial_fit);
 }
 
+TEST(Tracker, LeavesOutAnInertialSensorThatReadsOtherTurnsAndGoesOnWithout) {
+  const auto follow = [](bool reads_others) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 60; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      for (int i = -4; i <= 0; ++i) {
+        ImuSample sample = Read(t_ns + i * kPeriod_ns / 5);
+        if (reads_others) sample.angular_velocity = -3 * sample.angular_velocity;
+        tracker.AddImu(sample);
+      }
+      pose = tracker.Track(Seen(t_ns, TrueAt(t_ns)));
+    }
+    EXPECT_LT(ErrorOf(*pose), 1e-3);
+    return *pose;
+  };
+  EXPECT_FALSE(follow(false).inertial_fit.left_out);
+  const PoseEstimate pose = follow(true);
+  EXPECT_TRUE(pose.inertial_fit.left_out);
+  EXPECT_TRUE(pose.velocity_of_poses);
+  EXPECT_NE(Complaint(pose.inertial_fit).find("check the IMU's place"), std::string::npos);
+}
+
 TEST(Tracker, TellsASlowMotionWithoutEventsFromAStopByTheInertialSensor) {
   // Events ebb away; then the camera goes on without, or slows down within 0.2 s.
   constexpr int kEventsEnd = 150;

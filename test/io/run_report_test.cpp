@@ -74,6 +74,19 @@ TEST(RunReport, SaysWhatIsWrongWithAnInertialSensorMostOfTheTime) {
   EXPECT_NEAR(json["gyroscope_noise_deg_s_sqrt_hz"].get<double>(), 1, 1e-6);
   EXPECT_NEAR(json["accelerometer_noise_m_s2_sqrt_hz"].get<double>(), 0.02, 1e-6);
   EXPECT_NE(json["complaint"].get<std::string>().find("rad/s"), std::string::npos);
+  EXPECT_FALSE(json["left_out"].get<bool>());
+}
+
+TEST(RunReport, SaysThatAnInertialSensorWasLeftOutThoughItWasNeverRead) {
+  RunReport report(100);
+  PoseEstimate pose;
+  pose.state = TrackingState::kTracking;
+  pose.inertial_fit.gyroscope_noise = 0.01;
+  pose.inertial_fit.left_out = true;
+  report.AddPose(pose);
+  const auto json = nlohmann::json::parse(report.ToJson())["inertial_fit"];
+  EXPECT_TRUE(json["left_out"].get<bool>());
+  EXPECT_NE(json["complaint"].get<std::string>().find("noisy or shaken"), std::string::npos);
 }
 
 TEST(RunReport, SaysWhatTheCalibrationOfAnInertialSensorLacksAtTheEnd) {

@@ -64,7 +64,7 @@ PoseEstimate SomePose() {
   estimate.inlier_share = 0.75;
   estimate.mean_residual_px = 0.3;
   estimate.delays = {0.004, -0.007, 0.002, -0.003};
-  estimate.inertial_fit = {2, 3, 9.7, 1e-3, 0.02};
+  estimate.inertial_fit = {2, 3, 9.7, 1e-3, 0.02, true};
   estimate.chapter = 2;
   estimate.needs_map = true;
   estimate.iterations = 8;
@@ -173,6 +173,7 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.mean_force_m_s2, 9.7);
   EXPECT_DOUBLE_EQ(message.gyroscope_noise, 1e-3);
   EXPECT_DOUBLE_EQ(message.accelerometer_noise, 0.02);
+  EXPECT_TRUE(message.inertial_left_out);
   EXPECT_EQ(message.chapter, 2);
   EXPECT_TRUE(message.needs_map);
   EXPECT_EQ(message.iterations, 8);

@@ -39,6 +39,13 @@ class InertialBuffer {
   /// than events). Empty where the samples leave a part of the span open, or are too noisy of late to be of use.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
 
+  /// The same of all samples, whether they are of use or not.
+  std::optional<InertialMean> MeanRead(std::int64_t from_ns, std::int64_t to_ns) const;
+
+  /// False: there is no Mean from now on, as what is read does not fit the motion.
+  void SetUsed(bool used) { used_ = used; }
+  bool used() const { return used_; }
+
   /// Of the sensor about the last sample.
   const InertialNoise::Density& noise() const { return noise_.density(); }
 
@@ -58,6 +65,7 @@ class InertialBuffer {
  private:
   std::deque<ImuSample> samples_;
   InertialNoise noise_;
+  bool used_ = true;
 };
 
 }  // namespace devo

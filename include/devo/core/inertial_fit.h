@@ -12,6 +12,7 @@ struct InertialFit {
   double force_m_s2 = 0;     ///< mean magnitude of the specific force over about half a second; 0: no accelerometer
   /// By its readings alone, vibration included; 0: not known. In rad/s/sqrt(Hz) and m/s^2/sqrt(Hz).
   double gyroscope_noise = 0, accelerometer_noise = 0;
+  bool left_out = false;  ///< as it does not fit, or is too noisy
 };
 
 /// A specific force that a sensor at rest or on a moderate motion can have in m/s^2; in g, or where the sensor reads

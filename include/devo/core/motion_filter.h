@@ -46,6 +46,9 @@ class MotionFilter {
   /// The same moment in another world, in which the pose is as well known as at a start.
   void Anchor(const Rigid3& T_world_event);
 
+  /// As if no inertial sensor had ever been read; pose and motion stay.
+  void ForgetInertial();
+
   struct Prediction {
     Rigid3 T_world_event;
     Vector6d velocity_event;       ///< [v; omega], m/s and rad/s
@@ -181,7 +184,7 @@ class MotionFilter {
   double read_turn_s_ = 0, read_push_s_ = 0;  // since the last pose
   double force_m_s2_ = 0;                     // mean; 0: not known
   std::optional<std::int64_t> read_ns_;       // the inertial sensor, last
-  InertialNoise::Density noise_;  // as last read
+  InertialNoise::Density noise_;              // as last read
   // Of the state; of the pose as a right perturbation.
   Matrix P_ = Matrix::Zero();
   Matrix6d before_rest_ = Matrix6d::Zero();  // mean square of the velocity, while it is held still

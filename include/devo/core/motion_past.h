@@ -33,6 +33,9 @@ class MotionPast {
   void Note(const MotionFilter& before, const Step& step);
   void Clear() { steps_.clear(); }
 
+  /// The filter before the first step that is kept. Empty where none is.
+  std::optional<MotionFilter> Oldest() const;
+
   /// The filter at a time, with what was measured until then; `now`: what it has come to. Empty where that is before
   /// the steps that are kept, or after now.
   std::optional<MotionFilter> At(std::int64_t t_ns, const MotionFilter& now, const InertialBuffer& inertial) const;

@@ -14,6 +14,7 @@
 #include "devo/core/depth_pose.h"
 #include "devo/core/event_activity.h"
 #include "devo/core/inertial_buffer.h"
+#include "devo/core/inertial_trial.h"
 #include "devo/core/local_map.h"
 #include "devo/core/match_quality.h"
 #include "devo/core/motion_filter.h"
@@ -113,20 +114,17 @@ class Tracker {
   PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;
   /// Whether a better pose is to be sought than one that matches this share, at the surface of this time; counts as
   /// sought then.
-  bool WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial_fits);
+  bool WantsSearch(std::int64_t t_ns, double inlier_share);
   /// The inertial sensor's readings from the filter's time to this.
   std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;
   /// With those readings; false: there are none.
   bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
+  /// Leaves the inertial sensor out, or takes it back.
+  void TryInertial();
   InertialFit InertialFitNow() const;
-  bool InertialFits() const;  // as far as is known
-  /// One that fits has read from the filter's time to this.
-  bool InertialLeadsTo(std::int64_t t_ns) const;
   bool IsLed() const;  // by such a sensor or by depth, where events say little
-  /// The last surface was predicted by an inertial sensor that fits.
-  bool FollowsInertial() const;
   /// With the inertial sensor's readings, where there are any.
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
   /// However long events are missing: a gyroscope sees a clear turn, and depth has agreed a moment ago.
@@ -146,6 +144,8 @@ class Tracker {
   MotionPast past_;
   MotionPast::Step step_;  // that motion_ is making
   InertialBuffer inertial_;
+  InertialTrial trial_;
+  InertialFit unfit_;  // where the sensor is left out: as it was then
   RestDetector rest_;  // until tracking starts
   PoseHistory history_;
   DepthFusion depth_fusion_;

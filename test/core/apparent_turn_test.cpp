@@ -120,6 +120,28 @@ std::vector<Sighting> MovedAlong(const Vector6d& believed, std::vector<Sighting>
   return events;
 }
 
+TEST(ApparentTurn, TakesPixelsOfSlantedEdgesThatAnswerInTurnForNoMotionAlongThem) {
+  // Upright edges that move by less than a pixel: most of their events say nothing of time, those of some columns'
+  // pixels come one after the other.
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> any(0, 1), height(-0.4F, 0.4F);
+  std::vector<Sighting> events;
+  for (int edge = 0; edge < 10; ++edge) {
+    const float x = -0.5F + 0.1F * static_cast<float>(edge);
+    for (int k = 0; k < 200; ++k) events.push_back({-static_cast<float>(kSpan_s) * any(random), x, height(random), 1});
+    for (int column = 0; column < 5; ++column) {
+      const float from = -0.4F + 0.16F * static_cast<float>(column);
+      for (int k = 0; k < 14; ++k) {
+        const float share = any(random);
+        events.push_back({static_cast<float>(kSpan_s) * (share - 1), x, from + 0.056F * share, 1});
+      }
+    }
+  }
+  std::sort(events.begin(), events.end(), [](const Sighting& a, const Sighting& b) { return a.t_s < b.t_s; });
+  const Eigen::Vector3d turn = ApparentTurn(TestCamera()).Estimate(events);
+  EXPECT_TRUE(turn.isZero()) << turn.transpose();
+}
+
 TEST(ApparentTurn, FindsWhatABelievedMotionLacks) {
   ApparentTurn apparent(TestCamera());
   const Vector6d velocity = Turning(0.4, -0.8, 0.2);

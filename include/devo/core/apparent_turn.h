@@ -54,7 +54,8 @@ class ApparentTurn {
     std::vector<std::int32_t> polarity;  // all: events, and some outside the image, to whole registers
     double squares_per_turn;             // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
-    double none, sigma;  // pairs without a turn, and their standard deviation by chance
+    double none, sigma;            // pairs without a turn, and their standard deviation by chance
+    double clearer_by_square = 0;  // share of them that it takes for each square that the image moves
   };
   void LookAt(const std::vector<Sighting>& events, double span_s, double square_px, std::size_t most, Look* look);
   /// Of each event, turned: twice its square and its polarity; beyond the last square where outside the image.

@@ -21,7 +21,7 @@ constexpr double kReadsTurns = 0.1;
 
 }  // namespace
 
-bool InertialTrial::Note(const Moment& now, double times_its_errors, const InertialBuffer& readings) {
+bool InertialTrial::Judge(const Moment& now, double times_its_errors, const InertialBuffer& readings) {
   if (now.moves) moved_s_ += std::clamp(SecondsFromNs(now.t_ns - t_ns_), 0.0, kMaxStep_s);
   t_ns_ = now.t_ns;
   if (now.trusted) {
@@ -29,14 +29,12 @@ bool InertialTrial::Note(const Moment& now, double times_its_errors, const Inert
   } else {
     last_.reset();
   }
+  if (!readings.used()) return ReadsTheTurns();
   const bool known = moved_s_ > kFirst_s || ReadsTheTurns();
-  const bool fits = !(known ? FitsNotAtAll(times_its_errors) : times_its_errors > kDoubtful);
-  const bool before = std::exchange(used_, used_ ? fits : ReadsTheTurns());
-  if (before && !used_) {
-    turning_s_ = turn_square_ = apart_square_ = 0;
-    last_.reset();
-  }
-  return used_ != before;
+  if (!(known ? FitsNotAtAll(times_its_errors) : times_its_errors > kDoubtful)) return true;
+  turning_s_ = turn_square_ = apart_square_ = 0;
+  last_.reset();
+  return false;
 }
 
 void InertialTrial::Compare(const Moment& now, const InertialBuffer& readings) {

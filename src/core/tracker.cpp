@@ -448,9 +448,10 @@ bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
 void Tracker::TryInertial() {
   const bool trusted = state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
   const InertialFit fit = motion_.inertial_fit();
-  if (!trial_.Note({motion_.time_ns(), motion_.pose(), trusted, !held_}, fit.gyroscope, inertial_)) return;
-  inertial_.SetUsed(trial_.used());
-  if (trial_.used()) return;
+  const bool used = trial_.Judge({motion_.time_ns(), motion_.pose(), trusted, !held_}, fit.gyroscope, inertial_);
+  const bool left_out = inertial_.used() && !used;
+  inertial_.SetUsed(used);
+  if (!left_out) return;
   unfit_ = fit;
   inertial_prior_ = false;
   motion_.ForgetInertial();

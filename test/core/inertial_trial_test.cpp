@@ -31,11 +31,13 @@ class Swing {
       const Vector3d turn = moves ? Vector3d(std::sin(phase), std::cos(phase), 0) : Vector3d::Zero();
       T_world_event_ = T_world_event_ * Rigid3(Eigen::Quaterniond(ExpSO3(0.01 * turn)), Vector3d::Zero());
       readings_.Add({t_ns_, read_(turn), {0, 0, 9.8}, Vector3d::Zero()});
-      changes_ += trial_.Note({t_ns_, T_world_event_, trusted, moves}, times_its_errors, readings_) ? 1 : 0;
+      const bool used = trial_.Judge({t_ns_, T_world_event_, trusted, moves}, times_its_errors, readings_);
+      changes_ += used != readings_.used() ? 1 : 0;
+      readings_.SetUsed(used);
     }
   }
 
-  bool used() const { return trial_.used(); }
+  bool used() const { return readings_.used(); }
   int changes() const { return changes_; }
 
  private:

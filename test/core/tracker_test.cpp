@@ -258,6 +258,12 @@ ImuSample Read(std::int64_t t_ns) {
   return sample;
 }
 
+/// The five of the last period until `t_ns`.
+template <typename Reader>
+void AddReadings(const Reader& read, std::int64_t t_ns, Tracker* tracker) {
+  for (int i = -4; i <= 0; ++i) tracker->AddImu(read(t_ns + i * kPeriod_ns / 5));
+}
+
 /// What an inertial sensor in a camera that only moves along x reads.
 ImuSample ReadAlongX(std::int64_t t_ns, double acceleration_m_s2) {
   ImuSample sample;
@@ -316,7 +322,7 @@ TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMo
   std::optional<PoseEstimate> pose;
   for (int k = 1; k <= 70; ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
-    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+    AddReadings(Read, t_ns, &tracker);
     // Fewer from surface to surface, as at a standstill, and none in the last ten.
     Surface surface = k <= 60 ? Seen(t_ns, TrueAt(t_ns)) : Still(t_ns);
     if (k > 50 && k <= 60) surface.activity_hz = 0.1 * (61 - k);
@@ -329,17 +335,18 @@ TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMo
 TEST(Tracker, GoesOnAsWithoutAnInertialSensorWhereThatIsShakenTooMuch) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
+  const auto shaken = [&](std::int64_t t_ns) {
+    ImuSample sample = Read(t_ns);
+    for (double& axis : sample.angular_velocity) axis += 0.2 * normal(random);
+    return sample;
+  };
   const auto estimate = [&](bool read) {
     Tracker tracker(TestCamera(), OdometryOptions());
     tracker.SetMap(Map());
     std::optional<PoseEstimate> pose;
     for (int k = 1; k <= 30; ++k) {
       const std::int64_t t_ns = k * kPeriod_ns;
-      for (int i = -4; read && i <= 0; ++i) {
-        ImuSample sample = Read(t_ns + i * kPeriod_ns / 5);
-        for (double& axis : sample.angular_velocity) axis += 0.2 * normal(random);
-        tracker.AddImu(sample);
-      }
+      if (read) AddReadings(shaken, t_ns, &tracker);
       // Before a tenth of a second its noise is not known.
       if (k > 10) pose = tracker.Track(Seen(t_ns, TrueAt(t_ns)));
     }
@@ -360,11 +367,12 @@ TEST(Tracker, LeavesOutAnInertialSensorThatReadsOtherTurnsAndGoesOnWithout) {
     std::optional<PoseEstimate> pose;
     for (int k = 1; k <= 60; ++k) {
       const std::int64_t t_ns = k * kPeriod_ns;
-      for (int i = -4; i <= 0; ++i) {
-        ImuSample sample = Read(t_ns + i * kPeriod_ns / 5);
+      const auto read = [reads_others](std::int64_t at_ns) {
+        ImuSample sample = Read(at_ns);
         if (reads_others) sample.angular_velocity = -3 * sample.angular_velocity;
-        tracker.AddImu(sample);
-      }
+        return sample;
+      };
+      AddReadings(read, t_ns, &tracker);
       pose = tracker.Track(Seen(t_ns, TrueAt(t_ns)));
     }
     EXPECT_LT(ErrorOf(*pose), 1e-3);
@@ -707,7 +715,7 @@ std::vector<PoseEstimate> PosesPastAnUnknownView(int from, int until, int surfac
   std::vector<PoseEstimate> poses;
   for (int k = 1; k <= surfaces; ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
-    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+    AddReadings(Read, t_ns, &tracker);
     poses.push_back(tracker.Track(k <= from || k > until ? Seen(t_ns, TrueAt(t_ns)) : SeenElsewhere(t_ns)).value());
   }
   return poses;
@@ -750,7 +758,7 @@ TEST(Tracker, DoesNotLeaveAnInertialSensorsPoseForALookalikeThatMatchesMore) {
   std::optional<PoseEstimate> pose;
   for (int k = 1; k <= 60; ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
-    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+    AddReadings(Read, t_ns, &tracker);
     pose = tracker.Track(k <= 50 ? Seen(t_ns, TrueAt(t_ns))
                                  : SeenBesideALookalike(t_ns, TrueAt(t_ns), TrueAt(t_ns) * aside));
     ASSERT_TRUE(pose);
@@ -894,7 +902,7 @@ TEST(Tracker, IsNotHeldWhileAGyroscopeSeesItTurnAndDepthAgreesBeItInPart) {
     std::optional<PoseEstimate> pose;
     for (int k = 1; k <= 280; ++k) {
       const std::int64_t t_ns = k * kPeriod_ns, image_ns = t_ns - 2 * kPeriod_ns;
-      for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(t_ns + i * kPeriod_ns / 5));
+      AddReadings(Read, t_ns, &tracker);
       Surface surface = k <= 100 ? Seen(t_ns, TrueAt(t_ns)) : Still(t_ns, 0.1);
       // In the end as few as noise makes: no sudden end.
       surface.activity_hz = k <= 100 ? std::max(0.2, 0.1 * (100 - k)) : 0.1;
@@ -913,7 +921,7 @@ TEST(Tracker, LeavesAnInertialSensorsPoseInAGapOfTheEventsOnlyForManyDepthImages
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());
   const auto track = [&tracker](int k, const Surface& surface) {
-    for (int i = -4; i <= 0; ++i) tracker.AddImu(Read(k * kPeriod_ns + i * kPeriod_ns / 5));
+    AddReadings(Read, k * kPeriod_ns, &tracker);
     return tracker.Track(surface).value();
   };
   const Rigid3 off = Rigid3::Translation({0.03, 0, 0});

@@ -36,7 +36,8 @@ class InertialBuffer {
   void Add(const ImuSample& sample);
 
   /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for kMaxHold_ns (samples come later
-  /// than events). Empty where the samples leave a part of the span open, or are too noisy of late to be of use.
+  /// than events). Empty where the samples leave a part of the span open, are too noisy of late to be of use,
+  /// or are not to be used.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
 
   /// The same of all samples, whether they are of use or not.

@@ -20,17 +20,14 @@ class InertialTrial {
     bool trusted;  ///< the pose
     bool moves;    ///< the camera, as far as is known
   };
-  /// In the order of time. `times_its_errors`: of the gyroscope (InertialFit), 0 where it is not in use. Returns
-  /// whether used() has changed.
-  bool Note(const Moment& now, double times_its_errors, const InertialBuffer& readings);
-
-  bool used() const { return used_; }
+  /// Whether it is to be used from now on; `readings` say whether it was. In the order of time. `times_its_errors`: of
+  /// the gyroscope (InertialFit), 0 where it is not in use.
+  bool Judge(const Moment& now, double times_its_errors, const InertialBuffer& readings);
 
  private:
   void Compare(const Moment& now, const InertialBuffer& readings);
   bool ReadsTheTurns() const;
 
-  bool used_ = true;
   double moved_s_ = 0;
   std::int64_t t_ns_ = 0;
   std::optional<Moment> last_;  // from which a turn is being compared

@@ -124,7 +124,7 @@ class Tracker {
   /// Leaves the inertial sensor out, or takes it back.
   void TryInertial();
   InertialFit InertialFitNow() const;
-  bool IsLed() const;  // by such a sensor or by depth, where events say little
+  bool IsLed() const;  // by an inertial sensor or by depth, where events say little
   /// With the inertial sensor's readings, where there are any.
   MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
   /// However long events are missing: a gyroscope sees a clear turn, and depth has agreed a moment ago.

@@ -153,7 +153,12 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
     StartByDepth(depth, depth_fusion_.velocity_event());
   } else if (correction && !held_) {
     using Since = MotionPast::Since;
-    then->WidenPose(correction->widened);
+    // Along an inertial sensor's readings, a pose goes astray with its velocity and with what is taken for gravity.
+    if (inertial_prior_) {
+      then->Widen(correction->widened);
+    } else {
+      then->WidenPose(correction->widened);
+    }
     then->Update(depth.t_ns, T_world_then * Exp(correction->moved), correction->information);
     motion_ = past_.Again(*then, inertial_, &history_, was_false ? Since::kMotion : Since::kPlaces);
   } else if ((!correction && depth.KnowsAllDirections()) || IsSeenMoving()) {
@@ -581,9 +586,10 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool search = WantsSearch(surface.t_ns, result.inlier_share);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     const Rigid3 T_world_found = map_->T_world_ref * result.T_event_ref.inverse();
-    const Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
-    const bool by_events = velocity.isZero() && !inertial_prior_;
-    StartAt(surface.t_edges_ns, T_world_found, by_events ? TurningWith(surface) : velocity);
+    Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
+    // Of that, an inertial sensor knows more than a pose that went astray.
+    if (velocity.isZero()) velocity = inertial_prior_ ? predicted.velocity_event : TurningWith(surface);
+    StartAt(surface.t_edges_ns, T_world_found, velocity);
     coasted_ = false;
   } else if (inertial_prior_ && (bad || (lost && suspicious))) {
     coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while

@@ -341,6 +341,34 @@ double ErrorAfterGap_m(MotionFilter filter, bool inertial) {
   return (filter.pose().translation() - SwingAt(SecondsFromNs(end_ns)).translation()).norm();
 }
 
+Vector6d SwingVelocityAt(double t) {
+  constexpr double h = 1e-4;
+  return Log(SwingAt(t - h).inverse() * SwingAt(t + h)) / (2 * h);
+}
+
+/// Started with a velocity that is 0.2 m/s off and taken for certain to 0.02 m/s, led by the inertial sensor for half a
+/// second, and told then where it is: what is left of that error.
+double VelocityErrorOnceThePoseIsKnown(const std::function<void(MotionFilter*)>& widen) {
+  MotionFilter filter = Swinging(5, true);
+  const double begin_s = SecondsFromNs(filter.time_ns());
+  Vector6d velocity = SwingVelocityAt(begin_s);
+  velocity.head<3>() += Eigen::Vector3d(0.2, 0, 0);
+  filter.Start(filter.time_ns(), SwingAt(begin_s), velocity, 0.02);
+  for (int k = 0; k < 50; ++k) {
+    const std::int64_t t_ns = filter.time_ns() + kPeriod_ns;
+    filter.Advance(t_ns, ReadAt(SecondsFromNs(t_ns - kPeriod_ns / 2)));
+  }
+  const double now_s = SecondsFromNs(filter.time_ns());
+  widen(&filter);
+  filter.Update(filter.time_ns(), SwingAt(now_s), 1e6 * Matrix6d::Identity());
+  return (filter.velocity_event() - SwingVelocityAt(now_s)).head<3>().norm();
+}
+
+TEST(MotionFilter, MendsTheVelocityThatLedItAstrayWhereAllThatIsStatedIsWidened) {
+  EXPECT_LT(VelocityErrorOnceThePoseIsKnown([](MotionFilter* filter) { filter->Widen(100); }), 0.05);
+  EXPECT_GT(VelocityErrorOnceThePoseIsKnown([](MotionFilter* filter) { filter->WidenPose(100); }), 0.15);
+}
+
 TEST(MotionFilter, LearnsGravityAndBiasesWhileItMoves) {
   const MotionFilter filter = Swinging(20, true);
   EXPECT_LT((filter.state().gyroscope_bias - kTurnBias).norm(), 0.002);

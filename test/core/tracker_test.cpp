@@ -563,6 +563,23 @@ TEST(Tracker, FindsThePoseAgainAfterAJump) {
   EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 5e-3);
 }
 
+TEST(Tracker, KeepsTheVelocityThatAnInertialSensorLedToWhereASearchFindsThePose) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  const Rigid3 jump = Exp((Vector6d() << 0.04, -0.03, 0.02, 0.01, -0.01, 0.01).finished());
+  std::optional<PoseEstimate> pose;
+  bool found = false;
+  for (int k = 1; k <= 60 && !found; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    AddReadings(Read, t_ns, &tracker);
+    pose = tracker.Track(Seen(t_ns, k <= 30 ? TrueAt(t_ns) : TrueAt(t_ns) * jump));
+    ASSERT_TRUE(pose);
+    found = k > 30 && !pose->earlier.empty();
+  }
+  ASSERT_TRUE(found);
+  EXPECT_LT((pose->velocity_event - Twist()).norm(), 0.2 * Twist().norm());
+}
+
 TEST(Tracker, FindsThePoseAfterAJumpFarBeyondItsReachUnlessTheSearchIsSwitchedOff) {
   const Rigid3 jumped = TrueAt(kNow_ns) * Rigid3::Rotation(ExpSO3({0, 0.2, 0}));
   TrackingIdeas off;

@@ -99,6 +99,10 @@ class MotionFilter {
   /// of the pose tell the less of that.
   void WidenPose(double times);
 
+  /// The same of all that is stated, where the velocity and what is known of gravity have led the pose astray:
+  /// corrections of the pose tell of them, too.
+  void Widen(double times) { P_ *= times; }
+
   /// Goes on to `t_ns` with what an inertial sensor read since the last update.
   void Advance(std::int64_t t_ns, const InertialMean& inertial);
 

@@ -17,10 +17,8 @@ constexpr int kColumns = 80;  // about; more cells cost more and tell the same
 constexpr int kPixelStep = 2;
 constexpr float kMinNormalCosine = 0.2F;  // surfaces seen at a flat angle tell of the camera's noise
 constexpr float kMinMatchCosine = 0.9F;   // of the normals of a match
-constexpr int kMaxIterations = 10;
-constexpr int kCoarseIterations = 2;  // with every fourth cell
 constexpr std::size_t kCoarseStep = 4;
-constexpr double kStartSigma_m = 0.01, kMinSigma_m = 2e-4;
+constexpr double kMinSigma_m = 2e-4;
 constexpr double kTukey = 4;       // standard deviations beyond which a match is an outlier
 constexpr double kStill_m = 3e-5;  // a step smaller than this, or this in radians, ends the iterations
 // The normals' noise makes any direction look a little constrained: below so many times of what it makes, it is open.
@@ -33,6 +31,13 @@ constexpr double kSigmaOfMedian = 1.4826;  // of a normal distribution's absolut
 
 // Readings of one cell, or neighbouring cells, farther apart than this are of several surfaces.
 float SurfaceGap(float z_m) { return 0.06F * z_m + 0.01F; }
+
+/// The way of an alignment; the first iterations with every kCoarseStep-th cell.
+struct Course {
+  double start_sigma_m;
+  int coarse_iterations, most_iterations;
+};
+constexpr Course kNearCourse = {0.01, 2, 10}, kFarCourse = {0.05, 8, 20};
 
 float Median(const std::vector<DepthCells::Cell>& cells) {
   std::vector<float> depths;
@@ -181,13 +186,14 @@ Matrix6d DepthAligner::LeaveOpen(const Matrix6d& H, double depth_m, double sigma
 }
 
 std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, const DepthCells& now,
-                                                        const Rigid3& T_start) const {
+                                                        const Rigid3& T_start, Reach reach) const {
+  const Course& course = reach == Reach::kFar ? kFarCourse : kNearCourse;
   Result result;
   result.T_ref_depth = T_start;
-  result.sigma_m = kStartSigma_m;
+  result.sigma_m = course.start_sigma_m;
   Matrix6d H;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const std::size_t step = iteration < kCoarseIterations ? kCoarseStep : 1;
+  for (int iteration = 0; iteration < course.most_iterations; ++iteration) {
+    const std::size_t step = iteration < course.coarse_iterations ? kCoarseStep : 1;
     Equations equations = Linearise(ref, now, result.T_ref_depth, result.sigma_m, step);
     const auto matches = static_cast<int>(equations.distances.size());
     if (matches * static_cast<int>(step) < kMinMatches || matches < kMinOverlap * equations.seen) return std::nullopt;

@@ -10,9 +10,13 @@
 namespace devo {
 namespace {
 
-// A keyframe that shows less of the image than this is replaced; other ones are tried whose view is near enough for
-// projective association.
-constexpr double kKeepOverlap = 0.7, kMaxAngle_rad = 0.5, kMaxDistanceShare = 0.3;
+// A keyframe that shows less of the image than this is replaced.
+constexpr double kKeepOverlap = 0.7;
+/// Of keyframes that are tried: within them projective association meets the same surfaces. Distance over their depth.
+struct ViewBounds {
+  double angle_rad, distance_share;
+};
+constexpr ViewBounds kNearViews = {0.5, 0.3}, kFarViews = {1, 0.8};
 constexpr int kMaxTried = 3;
 constexpr std::size_t kMaxKeyframes = 60;  // of about 150 kB
 // Cells share the errors of their surface; this many count as one measurement.
@@ -48,29 +52,76 @@ Rigid3 DepthKeyframes::WorldFromKeyframe(const Keyframe& keyframe, double delay_
          T_event_depth_;
 }
 
-std::optional<DepthAligner::Result> DepthKeyframes::AlignTo(const Keyframe& keyframe, const DepthCells& now,
-                                                            const View& view) const {
+std::optional<DepthAligner::Result> DepthKeyframes::AlignTo(const Keyframe& keyframe, Reach reach,
+                                                            const DepthCells& now, const View& view) const {
   const Rigid3 T_world_key = WorldFromKeyframe(keyframe, view.delay_s);
-  return aligner_.Align(keyframe.cells, now, T_world_key.inverse() * view.T_world_event * T_event_depth_);
+  return aligner_.Align(keyframe.cells, now, T_world_key.inverse() * view.T_world_event * T_event_depth_, reach);
+}
+
+void DepthKeyframes::Try(std::size_t index, Reach reach, const DepthCells& now, const View& view, Match* best) const {
+  const auto result = AlignTo(keyframes_[index], reach, now, view);
+  if (result && (best->keyframe < 0 || result->overlap > best->result.overlap))
+    *best = {static_cast<int>(index), reach, *result};
+}
+
+bool DepthKeyframes::MayOverlap(const Keyframe& keyframe, Reach reach, const View& view) const {
+  if (keyframe.view.chapter != view.chapter) return false;
+  const Rigid3 T_key_now = keyframe.view.T_world_event.inverse() * view.T_world_event;
+  const ViewBounds& within = reach == Reach::kFar ? kFarViews : kNearViews;
+  return RotationAngle(T_key_now) <= within.angle_rad &&
+         T_key_now.translation().norm() <= within.distance_share * keyframe.cells.median_m;
 }
 
 void DepthKeyframes::TryOthers(const DepthCells& now, const View& view, Match* best) const {
   int tried = 0;
   // The oldest first: the least has gone wrong before it.
   for (std::size_t i = 0; i < keyframes_.size() && tried < kMaxTried; ++i) {
-    const Keyframe& keyframe = keyframes_[i];
-    if (static_cast<int>(i) == current_ || keyframe.view.chapter != view.chapter) continue;
-    const Rigid3 T_key_now = keyframe.view.T_world_event.inverse() * view.T_world_event;
-    if (RotationAngle(T_key_now) > kMaxAngle_rad ||
-        T_key_now.translation().norm() > kMaxDistanceShare * keyframe.cells.median_m) {
-      continue;
-    }
+    if (static_cast<int>(i) == current_ || !MayOverlap(keyframes_[i], Reach::kNear, view)) continue;
     ++tried;
-    const auto result = AlignTo(keyframe, now, view);
-    if (!result || (best->keyframe >= 0 && result->overlap <= best->result.overlap)) continue;
-    *best = {static_cast<int>(i), *result};
-    if (result->overlap >= kKeepOverlap) return;
+    Try(i, Reach::kNear, now, view, best);
+    if (best->keyframe >= 0 && best->result.overlap >= kKeepOverlap) return;
   }
+}
+
+DepthKeyframes::Match DepthKeyframes::FindFar(const DepthCells& now, const View& view) const {
+  Match best;
+  int tried = 0;
+  // The newest first: it is the nearest.
+  for (std::size_t i = keyframes_.size(); i-- > 0 && tried < kMaxTried;) {
+    if (!MayOverlap(keyframes_[i], Reach::kFar, view)) continue;
+    ++tried;
+    Try(i, Reach::kFar, now, view, &best);
+  }
+  return best;
+}
+
+DepthKeyframes::Match DepthKeyframes::FindNear(const DepthCells& now, const View& view) const {
+  Match best;
+  const auto current = static_cast<std::size_t>(current_);
+  if (current_ >= 0 && keyframes_[current].view.chapter == view.chapter) Try(current, Reach::kNear, now, view, &best);
+  if (best.keyframe < 0 || best.result.overlap < kKeepOverlap) TryOthers(now, view, &best);
+  return best;
+}
+
+std::optional<DepthKeyframes::Found> DepthKeyframes::Find(const DepthCells& now, const View& view) const {
+  const auto found_by = [&](const Match& match) {
+    Found found{match, MakePose(match, view)};
+    found.pose.confirmed = IsConfirmed(match, found.pose, now, view);
+    return found;
+  };
+  const Match near = FindNear(now, view);
+  if (near.keyframe < 0) {
+    const Match far = FindFar(now, view);
+    return far.keyframe < 0 ? std::nullopt : std::make_optional(found_by(far));
+  }
+  Found found = found_by(near);
+  const bool fits = found.pose.KnowsAllDirections() && !found.pose.Contradicts(view.T_world_event, view.covariance);
+  if (fits || found.pose.confirmed || near.result.overlap >= kKeepOverlap) return found;
+  // From a start too far off it may have met few surfaces, or stopped on its way.
+  const Match far = FindFar(now, view);
+  if (far.keyframe < 0 || far.result.overlap <= near.result.overlap) return found;
+  Found farther = found_by(far);
+  return farther.pose.confirmed ? farther : found;
 }
 
 DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
@@ -102,9 +153,10 @@ bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, cons
   if (!pose.Contradicts(view.T_world_event, view.covariance) || !pose.KnowsAllDirections()) return false;
   View other_side = view;
   other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
-  const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], now, other_side);
+  const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], match.reach, now, other_side);
   if (!again) return false;
-  return !MakePose({match.keyframe, *again}, other_side).Contradicts(pose.T_world_event, pose.CovarianceOfPlace());
+  return !MakePose({match.keyframe, match.reach, *again}, other_side)
+              .Contradicts(pose.T_world_event, pose.CovarianceOfPlace());
 }
 
 void DepthKeyframes::Keep(DepthCells cells, const View& view) {
@@ -119,42 +171,34 @@ void DepthKeyframes::Keep(DepthCells cells, const View& view) {
 
 DepthContinuity::Verdict DepthKeyframes::Judge(const Match& match, const DepthPose& pose, const View& view,
                                                std::int64_t t_ns) {
-  if (match.keyframe != current_ || !view.trusted || !options_.ideas.depth_jumps) continuity_.Reset();
+  if (match.keyframe != current_ || match.reach == Reach::kFar || !view.trusted || !options_.ideas.depth_jumps)
+    continuity_.Reset();
   return continuity_.Judge({t_ns, view.T_world_event, pose.T_world_event, pose.information});
 }
 
 std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const View& view) {
   ++calls_;
   DepthCells now = aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m);
-  Match best;
-  if (current_ >= 0 && keyframes_[static_cast<std::size_t>(current_)].view.chapter == view.chapter) {
-    if (const auto result = AlignTo(keyframes_[static_cast<std::size_t>(current_)], now, view))
-      best = {current_, *result};
-  }
-  if (best.keyframe < 0 || best.result.overlap < kKeepOverlap) TryOthers(now, view, &best);
-  std::optional<DepthPose> pose;
-  if (best.keyframe >= 0) {
-    pose = MakePose(best, view);
-    pose->confirmed = IsConfirmed(best, *pose, now, view);
-    const DepthContinuity::Verdict verdict = Judge(best, *pose, view, depth.t_ns);
+  auto found = Find(now, view);
+  if (found) {
+    const DepthContinuity::Verdict verdict = Judge(found->match, found->pose, view, depth.t_ns);
     if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;
-    current_ = best.keyframe;
+    current_ = found->match.keyframe;
     keyframes_[static_cast<std::size_t>(current_)].last_used = calls_;
     if (verdict == DepthContinuity::Verdict::kJumped) {
       ++jumps_;
       Clear();
-      best.keyframe = -1;
-      pose.reset();
+      found.reset();
     }
   }
-  if (view.trusted && (best.keyframe < 0 || best.result.overlap < kKeepOverlap) && now.median_m > 0) {
+  if (view.trusted && (!found || found->match.result.overlap < kKeepOverlap) && now.median_m > 0) {
     // At the pose before it would say the opposite of the next image, and where the view leaves little overlap each is
     // a keyframe: errors would grow from one to the next.
     View kept = view;
-    if (pose) kept.T_world_event = Corrected(view.T_world_event, view.covariance, *pose);
+    if (found) kept.T_world_event = Corrected(view.T_world_event, view.covariance, found->pose);
     Keep(std::move(now), kept);
   }
-  return pose;
+  return found ? std::make_optional(found->pose) : std::nullopt;
 }
 
 }  // namespace devo

@@ -46,6 +46,21 @@ TEST(DepthAlignment, IsExactWithoutNoiseFromAnyStartNearBy) {
   }
 }
 
+TEST(DepthAlignment, StartsFromDecimetresAwayWhereItIsToldToReachSoFar) {
+  const DepthAligner aligner(DepthSceneCamera());
+  const DepthCells ref = aligner.Reduce(DepthSeen(Rigid3(), 0.004, DepthScene::kRoom, 1));
+  const DepthCells now = aligner.Reduce(DepthSeen(Moved(), 0.004, DepthScene::kRoom, 2));
+  for (const double side : {-1, 1}) {
+    const Rigid3 start = Moved() * Exp(side * (Vector6d() << 0.05, 0.02, 0.15, 0.01, 0.02, 0.02).finished());
+    const auto error = [&](DepthAligner::Reach reach) {
+      const auto result = aligner.Align(ref, now, start, reach);
+      return result ? Log(Moved().inverse() * result->T_ref_depth).norm() : 1;
+    };
+    EXPECT_LT(error(DepthAligner::Reach::kFar), 3e-3) << side;
+    EXPECT_GT(error(DepthAligner::Reach::kNear), 3e-2) << side;
+  }
+}
+
 TEST(DepthAlignment, LeavesWhatAWallDoesNotShowAtTheStartAndSaysSo) {
   const DepthAligner aligner(DepthSceneCamera());
   const DepthCells ref = aligner.Reduce(DepthSeen(Rigid3(), 0.002, DepthScene::kWall));

@@ -58,6 +58,18 @@ TEST(DepthKeyframes, AContradictionIsConfirmedWhereAlignmentsFromBothSidesEndAtO
   EXPECT_FALSE(agrees->confirmed) << "there is nothing to confirm";
 }
 
+TEST(DepthKeyframes, APoseThatIsDecimetresOffIsFoundAndConfirmed) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+  const Rigid3 truth = Turned(-0.1) * Rigid3::Translation({0.05, 0.02, 0});
+  DepthKeyframes::View view = ViewAt(truth * Exp((Vector6d() << 0.05, 0.02, 0.15, 0.01, 0.02, 0.02).finished()));
+  view.covariance = std::pow(0.01, 2) * Matrix6d::Identity();
+  const auto pose = keyframes.Align(ImageAt(truth), view);
+  ASSERT_TRUE(pose);
+  EXPECT_LT(Log(truth.inverse() * pose->T_world_event).norm(), 5e-3);
+  EXPECT_TRUE(pose->confirmed);
+}
+
 TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   DepthKeyframes keyframes(DepthRig());
   // Tracking is 2 mm farther off with each step; each new keyframe takes that over.

@@ -44,9 +44,13 @@ class DepthAligner {
     double overlap;        ///< share of the cells with a normal that met a surface of the reference, 0..1
     double sigma_m;        ///< spread of the distances between the surfaces
   };
-  /// Aligns `now` to `ref` from a start within a few centimetres and degrees. Directions that the surfaces leave open
-  /// stay at the start. Empty where too little overlaps.
-  std::optional<Result> Align(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth) const;
+  /// From how far off an alignment starts: a few centimetres and degrees, or two decimetres, which takes longer and
+  /// finds the wrong surfaces more often.
+  enum class Reach { kNear, kFar };
+  /// Aligns `now` to `ref` from a start within that. Directions that the surfaces leave open stay at the start. Empty
+  /// where too little overlaps.
+  std::optional<Result> Align(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
+                              Reach reach = Reach::kNear) const;
 
  private:
   /// A pixel that is read, its viewing ray (x, y, 1) and the cell that it counts in.

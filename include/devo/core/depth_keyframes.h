@@ -51,14 +51,29 @@ class DepthKeyframes {
     View view;  // as it was kept
     std::uint64_t last_used;
   };
+  using Reach = DepthAligner::Reach;
   struct Match {
     int keyframe = -1;
+    Reach reach = Reach::kNear;
     DepthAligner::Result result;
   };
 
   Rigid3 WorldFromKeyframe(const Keyframe& keyframe, double delay_s) const;
+  struct Found {
+    Match match;
+    DepthPose pose;
+  };
+  std::optional<Found> Find(const DepthCells& now, const View& view) const;
+  Match FindNear(const DepthCells& now, const View& view) const;
+  /// Those besides the current one whose view is near the image's.
   void TryOthers(const DepthCells& now, const View& view, Match* best) const;
-  std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, const DepthCells& now, const View& view) const;
+  /// The last ones whose view may overlap the image's, were its pose decimetres off.
+  Match FindFar(const DepthCells& now, const View& view) const;
+  /// Takes it where more of the image overlaps than with the best.
+  void Try(std::size_t index, Reach reach, const DepthCells& now, const View& view, Match* best) const;
+  bool MayOverlap(const Keyframe& keyframe, Reach reach, const View& view) const;
+  std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, Reach reach, const DepthCells& now,
+                                              const View& view) const;
   DepthPose MakePose(const Match& match, const View& view) const;
   /// Whether an alignment that contradicts the view's pose, in all directions, ends where one from the other side does.
   bool IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now, const View& view) const;

@@ -26,6 +26,8 @@ constexpr double kCellsPerMeasurement = 10;
 constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
 constexpr double kOtherView = 0.3, kLeastBias = 0.1;
 constexpr double kKnown_m = 0.05;  // also in radians
+// How well the pose of the first map's image is known, also in radians.
+constexpr double kFirst_m = 5e-3;
 
 /// Of directions that are known to a few centimetres and hundredths of a radian; of others nothing.
 Matrix6d OfKnownDirections(const Matrix6d& information) {
@@ -138,7 +140,9 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   bias << Eigen::Vector3d::Constant(kBiasShare * keyframe.cells.median_m), Eigen::Vector3d::Constant(kBias_rad);
   const double apart = ViewsApart(match.result.T_ref_depth, keyframe.cells.median_m);
   bias *= std::min(1.0, kLeastBias + apart / kOtherView);
-  const Matrix6d B = bias.cwiseAbs2().cwiseInverse().asDiagonal();
+  Vector6d variance = bias.cwiseAbs2();
+  if (keyframe.first) variance.array() += kFirst_m * kFirst_m;
+  const Matrix6d B = variance.cwiseInverse().asDiagonal();
   // Little by little, the events' errors would pass for knowledge in a direction that is left open.
   pose.information = OfKnownDirections(H - H * (B + H).inverse() * H);
   // Of the keyframe's event camera to that of now, both of which were where they were this much later.
@@ -169,6 +173,13 @@ void DepthKeyframes::Keep(DepthCells cells, const View& view) {
   continuity_.Reset();
 }
 
+void DepthKeyframes::KeepFirst(const DepthImage& depth, const View& view, bool stand_in) {
+  ++calls_;
+  Keep(aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m), view);
+  keyframes_.back().first = true;
+  keyframes_.back().stand_in = stand_in;
+}
+
 DepthContinuity::Verdict DepthKeyframes::Judge(const Match& match, const DepthPose& pose, const View& view,
                                                std::int64_t t_ns) {
   if (match.keyframe != current_ || match.reach == Reach::kFar || !view.trusted || !options_.ideas.depth_jumps)
@@ -191,11 +202,13 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
       found.reset();
     }
   }
-  if (view.trusted && (!found || found->match.result.overlap < kKeepOverlap) && now.median_m > 0) {
+  const bool replaced = found && keyframes_[static_cast<std::size_t>(current_)].stand_in;
+  if (view.trusted && (!found || found->match.result.overlap < kKeepOverlap || replaced) && now.median_m > 0) {
     // At the pose before it would say the opposite of the next image, and where the view leaves little overlap each is
     // a keyframe: errors would grow from one to the next.
     View kept = view;
     if (found) kept.T_world_event = Corrected(view.T_world_event, view.covariance, found->pose);
+    if (replaced) keyframes_.erase(keyframes_.begin() + current_);
     Keep(std::move(now), kept);
   }
   return found ? std::make_optional(found->pose) : std::nullopt;

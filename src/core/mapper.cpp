@@ -67,6 +67,7 @@ void Mapper::Reset() {
   map_.Clear();
   depth_keyframes_.Clear();
   depth_of_rest_.Clear();
+  first_depth_.reset();
   depth_poses_.clear();
   occluder_.reset();
   T_world_local_.reset();
@@ -171,7 +172,9 @@ bool Mapper::UpdateFromDepth() {
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
       if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
+      const bool first = map_.empty();
       changed |= Process(depth, surface, T_moved_world, &counters_);
+      if (first && !map_.empty()) first_depth_ = {depth, false};
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
@@ -179,20 +182,35 @@ bool Mapper::UpdateFromDepth() {
   return changed;
 }
 
-Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
-  if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
-  const auto T_world_then = poses_.At(depth.t_ns, 0.05);
-  if (!T_world_then) return Rigid3();
+DepthKeyframes::View Mapper::ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const {
   DepthKeyframes::View view;
-  view.T_world_event = *T_world_then;
+  view.T_world_event = T_world_event;
   // Poses alone are too noisy to tell a velocity within hundredths of a second.
-  view.velocity_event = velocity_of_poses_ ? velocity_ : poses_.VelocityAt(depth.t_ns).value_or(velocity_);
+  view.velocity_event = velocity_of_poses_ ? velocity_ : poses_.VelocityAt(t_ns).value_or(velocity_);
   view.delay_s = delays_.EventsAfterDepth_s();
   view.delay_sigma_s = delays_.depth_sigma_s;
   view.chapter = map_.chapter();
   view.trusted = trackable_;
   view.covariance = covariance_;
-  auto pose = depth_keyframes_.Align(depth, view);
+  return view;
+}
+
+void Mapper::KeepFirstDepth() {
+  const auto first = std::exchange(first_depth_, std::nullopt);
+  // By events alone, poses so soon after a start are worse than those of the next image.
+  if (!first || velocity_of_poses_) return;
+  const auto T_world_then = poses_.At(first->depth.t_ns, 0.05);
+  if (!T_world_then) return;
+  // In motion, the next image's pose is the better known one.
+  depth_keyframes_.KeepFirst(first->depth, ViewAt(first->depth.t_ns, *T_world_then), !first->of_rest);
+}
+
+Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
+  if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
+  KeepFirstDepth();
+  const auto T_world_then = poses_.At(depth.t_ns, 0.05);
+  if (!T_world_then) return Rigid3();
+  auto pose = depth_keyframes_.Align(depth, ViewAt(depth.t_ns, *T_world_then));
   counters_.depth_jumps = depth_keyframes_.jumps();
   if (!pose) return Rigid3();
   ++counters_.depth_aligned;
@@ -207,7 +225,9 @@ bool Mapper::BeginFromRest() {
   for (const SurfacePtr& surface : surfaces_) {
     if (!depth_of_rest_.Fits(*surface)) continue;
     Counters again;  // the image was counted when it came
-    if (Process(*depth_of_rest_.depth(), surface, Rigid3(), &again)) return true;
+    if (!Process(*depth_of_rest_.depth(), surface, Rigid3(), &again)) continue;
+    first_depth_ = {*depth_of_rest_.depth(), true};
+    return true;
   }
   return false;
 }

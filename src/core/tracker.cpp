@@ -220,6 +220,7 @@ void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vect
   history_.Clear();
   started_ns_ = t_ns;
   T_world_started_ = T_world_event;
+  rested_.clear();
   anew_ = true;
 }
 
@@ -240,6 +241,7 @@ void Tracker::Reset() {
   residual_scale_ = ResidualScale();
   missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = anew_ = false;
   chapter_covariance_.clear();
+  rested_.clear();
   started_ns_ = searched_ns_ = 0;
   T_world_started_ = Rigid3();
   activity_.Clear();
@@ -297,7 +299,10 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.state = state_;
   pose.inertial_fit = InertialFitNow();
   if (pose.inertial_fit.gyroscope > 0) pose.inertial_calibration = motion_.state().Calibration();
-  if (std::exchange(anew_, false)) pose.earlier = {{started_ns_, T_world_started_}};
+  if (std::exchange(anew_, false)) {
+    pose.earlier = std::exchange(rested_, {});
+    pose.earlier.push_back({started_ns_, T_world_started_});
+  }
   ContinueToNow(held_, &pose);
   return pose;
 }
@@ -355,6 +360,8 @@ bool Tracker::StartFromRest() {
       motion.Advance(t_ns, *inertial);
     }
   }
+  const Rigid3 T_world_rest = map_->T_world_ref * motion.pose().inverse();
+  rested_ = {{begin_ns, T_world_rest}, {std::min(rest->end_ns, map_->t_ns - 1), T_world_rest}};
   motion.Anchor(map_->T_world_ref);
   motion_ = motion;
   past_.Clear();

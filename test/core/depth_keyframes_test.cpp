@@ -116,6 +116,25 @@ TEST(DepthKeyframes, AViewNearItsKeyframeIsKnownBetterThanOneFartherOff) {
   EXPECT_GT(near->information.trace(), 2 * far->information.trace());
 }
 
+TEST(DepthKeyframes, ToTheFirstMapsImageOthersAreAlignedWithItsUncertaintyUntilOneTakesThePlaceOfAStandIn) {
+  const Rigid3 next = Exp((Vector6d() << 0.02, 0.01, -0.03, 0.01, -0.02, 0.01).finished());
+  for (const bool stand_in : {false, true}) {
+    DepthKeyframes keyframes(DepthRig());
+    keyframes.KeepFirst(ImageAt(Rigid3()), ViewAt(Rigid3()), stand_in);
+    DepthKeyframes::View view = ViewAt(next);
+    view.covariance = 1e-6 * Matrix6d::Identity();
+    const auto to_first = keyframes.Align(ImageAt(next), view);
+    ASSERT_TRUE(to_first);
+    EXPECT_LT(Log(next.inverse() * to_first->T_world_event).norm(), 2e-3);
+    constexpr double kFirst_m = 5e-3;
+    EXPECT_LT(to_first->information.diagonal().maxCoeff(), 1 / (kFirst_m * kFirst_m));
+    EXPECT_EQ(keyframes.size(), 1U);
+    const auto again = keyframes.Align(ImageAt(next), view);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(again->information.diagonal().minCoeff() > 1 / (kFirst_m * kFirst_m), stand_in);
+  }
+}
+
 TEST(DepthKeyframes, AWallTellsNothingOfTheDirectionsAlongIt) {
   for (const DepthScene scene : {DepthScene::kWall, DepthScene::kRoom}) {
     DepthKeyframes keyframes(DepthRig());

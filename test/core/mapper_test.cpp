@@ -495,6 +495,29 @@ TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
   EXPECT_TRUE(PosesByDepth(options, off).empty());
 }
 
+TEST(Mapper, SaysWhereTheCameraWasByTheDepthImageOfTheFirstMapWhereMoreThanEventsTellsItsPose) {
+  Rig rig = TestRig();
+  rig.depth_registered = false;
+  rig.depth_camera = DepthSceneCamera();
+  const Rigid3 off = Exp((Vector6d() << 0.01, -0.02, 0.01, 0.01, 0.01, -0.01).finished());
+  for (const bool by_events : {false, true}) {
+    Mapper mapper(rig, OdometryOptions());
+    mapper.AddSurface(SurfaceAt(100 * kMs, Edges(600, 16)));
+    mapper.AddDepth({100 * kMs, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, 1)});
+    ASSERT_TRUE(mapper.Update());
+    mapper.AddSurface(SurfaceAt(200 * kMs, Edges(600, 16)));
+    PoseEstimate pose = PoseAt(200 * kMs);
+    pose.earlier = {{100 * kMs, Rigid3()}};
+    pose.velocity_of_poses = by_events;
+    mapper.AddPose(pose);
+    mapper.AddDepth({200 * kMs, DepthSeen(off, 0.002, DepthScene::kRoom, 2)});
+    mapper.Update();
+    const auto poses = mapper.TakeDepthPoses();
+    ASSERT_THAT(poses, SizeIs(by_events ? 0 : 1));
+    if (!by_events) EXPECT_LT(Log(off.inverse() * poses[0].T_world_event).norm(), 3e-3);
+  }
+}
+
 TEST(Mapper, SaysWhereTheCameraWasByDepthAllThroughAGapOfTheEvents) {
   Rig rig = TestRig();
   rig.depth_registered = false;

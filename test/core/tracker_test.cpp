@@ -273,21 +273,24 @@ ImuSample ReadAlongX(std::int64_t t_ns, double acceleration_m_s2) {
   return sample;
 }
 
-/// After a rest that is longer than readings are kept, with hardly an event, a camera is pushed ever harder; the first
-/// map is made 0.4 s later. Error 0.1 s after that. `dark`: the motion makes hardly an event, either.
-double ErrorAfterAStartInMotion(const OdometryOptions& options, bool dark) {
-  constexpr int kRestEnds = 1200, kMapAt = 1240;
-  const auto since_s = [](double k) { return 0.01 * std::max(0.0, k - kRestEnds); };
-  const auto at_m = [&](double k) { return 4 / 6.0 * std::pow(since_s(k), 3); };
+// After a rest that is longer than readings are kept, with hardly an event, a camera is pushed ever harder along x; the
+// first map is made 0.4 s later.
+constexpr int kRestEnds = 1200, kMapAt = 1240;
+double PushedSince_s(double k) { return 0.01 * std::max(0.0, k - kRestEnds); }
+double PushedBy_m(double k) { return 4 / 6.0 * std::pow(PushedSince_s(k), 3); }
+
+/// The poses until 0.1 s after that map. `dark`: the motion makes hardly an event, either.
+std::vector<PoseEstimate> PosesAfterAStartInMotion(const OdometryOptions& options, bool dark) {
   Tracker tracker(TestCamera(), options);
-  std::optional<PoseEstimate> pose;
+  std::vector<PoseEstimate> poses;
   int read_until = 0;
   for (int k = 1; k <= kMapAt + 10; ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
     // In the rest, readings come 30 ms after the surfaces.
     for (; read_until < (k <= kRestEnds ? k - 3 : k); ++read_until) {
       for (int i = 1; i <= 5; ++i) {
-        tracker.AddImu(ReadAlongX(read_until * kPeriod_ns + i * kPeriod_ns / 5, 4 * since_s(read_until + 0.2 * i)));
+        const double push_m_s2 = 4 * PushedSince_s(read_until + 0.2 * i);
+        tracker.AddImu(ReadAlongX(read_until * kPeriod_ns + i * kPeriod_ns / 5, push_m_s2));
       }
     }
     if (k == kMapAt + 1) {
@@ -299,10 +302,15 @@ double ErrorAfterAStartInMotion(const OdometryOptions& options, bool dark) {
     Surface surface = Still(t_ns);
     surface.still = surface.maybe_noise = dark || k <= kRestEnds;
     surface.activity_hz = surface.still ? 0.01 : 5;
-    pose = tracker.Track(surface);
+    if (auto pose = tracker.Track(surface)) poses.push_back(std::move(*pose));
   }
-  const double moved_m = at_m(kMapAt + 10) - at_m(kMapAt);  // 41 mm
-  return Log(Rigid3::Translation({-moved_m, 0, 0}) * pose->T_world_event).norm();
+  return poses;
+}
+
+double ErrorAfterAStartInMotion(const OdometryOptions& options, bool dark) {
+  const double moved_m = PushedBy_m(kMapAt + 10) - PushedBy_m(kMapAt);  // 41 mm
+  const Rigid3 T_world_event = PosesAfterAStartInMotion(options, dark).back().T_world_event;
+  return Log(Rigid3::Translation({-moved_m, 0, 0}) * T_world_event).norm();
 }
 
 TEST(Tracker, KnowsTheVelocityAtAFirstMapInMotionFromTheRestBefore) {
@@ -310,6 +318,18 @@ TEST(Tracker, KnowsTheVelocityAtAFirstMapInMotionFromTheRestBefore) {
   EXPECT_LT(ErrorAfterAStartInMotion(options, false), 4e-3);
   options.tracking.ideas.start_from_rest = false;
   EXPECT_GT(ErrorAfterAStartInMotion(options, false), 2e-2);
+}
+
+TEST(Tracker, SaysWhereTheRestBeforeAFirstMapInMotionWas) {
+  const PoseEstimate first = PosesAfterAStartInMotion(OdometryOptions(), false).front();
+  ASSERT_EQ(first.earlier.size(), 3U);
+  EXPECT_LT(first.earlier[0].t_ns, first.earlier[1].t_ns);
+  EXPECT_NEAR(SecondsFromNs(first.earlier[1].t_ns), 0.01 * kRestEnds, 0.2);
+  EXPECT_EQ(first.earlier[2].t_ns, kMapAt * kPeriod_ns);
+  for (int i : {0, 1}) {
+    const Eigen::Vector3d rest = first.earlier[i].T_world_event.translation();
+    EXPECT_LT((rest - Eigen::Vector3d(-PushedBy_m(kMapAt), 0, 0)).norm(), 5e-3) << rest.transpose();  // of 43 mm
+  }
 }
 
 TEST(Tracker, GoesOnFromAFirstMapInMotionThatMakesHardlyAnEvent) {

@@ -41,6 +41,10 @@ class DepthKeyframes {
   /// image has not the depth camera's size.
   std::optional<DepthPose> Align(const DepthImage& depth, const View& view);
 
+  /// Keeps the image of the first map, which is aligned to none, at a pose that is known to millimetres and
+  /// milliradians. `stand_in`: only until another is aligned to it, and kept in its place. Throws as Align.
+  void KeepFirst(const DepthImage& depth, const View& view, bool stand_in);
+
   std::size_t size() const { return keyframes_.size(); }
   std::uint64_t jumps() const { return jumps_; }  ///< how often the depth camera began to see otherwise
   void Clear();
@@ -50,6 +54,7 @@ class DepthKeyframes {
     DepthCells cells;
     View view;  // as it was kept
     std::uint64_t last_used;
+    bool first = false, stand_in = false;
   };
   using Reach = DepthAligner::Reach;
   struct Match {

@@ -92,6 +92,9 @@ class Mapper {
   /// The first map, of the depth of the rest before the first motion.
   bool BeginFromRest();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
+  /// Of the first map, for later images to be aligned to, as soon as poses tell where it was made.
+  void KeepFirstDepth();
+  DepthKeyframes::View ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const;
   /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image.
   Rigid3 AlignDepth(const DepthImage& depth);
   /// Puts what it adds to the map where tracking will be after `T_moved_world`: from where it was, the map would pull
@@ -129,6 +132,11 @@ class Mapper {
   ReferenceMap map_;
   DepthKeyframes depth_keyframes_;
   DepthOfRest depth_of_rest_;
+  struct FirstDepth {
+    DepthImage depth;
+    bool of_rest;
+  };
+  std::optional<FirstDepth> first_depth_;  // of the first map, until its pose is known
   std::vector<DepthPose> depth_poses_;
   std::deque<SurfacePtr> surfaces_;
   std::deque<DepthImage> depths_;

@@ -31,8 +31,9 @@ struct PoseEstimate {
   Rigid3 T_world_event;
   std::int64_t t_edges_ns = 0;  ///< time of the edges that were registered, a few milliseconds before `t_ns`
   Rigid3 T_world_event_edges;   ///< pose at that time, as measured; T_world_event continues it with the velocity
-  /// Of the first pose in a map, or of one that was found anew: where the edges were since then, the map's own time
-  /// first. In place of all poses before, which this one does not follow from; else empty.
+  /// Of the first pose in a map, or of one that was found anew: where the edges were since then, a rest before that is
+  /// known first, then the map's own time. In place of all poses before, which this one does not follow from; else
+  /// empty.
   std::vector<PoseHistory::Stamped> earlier;
   Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame
   bool velocity_of_poses = false;              ///< it is known from poses alone: no inertial sensor knows better

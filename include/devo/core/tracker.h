@@ -158,17 +158,18 @@ class Tracker {
   ResidualScale residual_scale_;
   std::uint64_t epoch_ = 0;
   TrackingState state_ = TrackingState::kInitialising;
-  std::int64_t last_active_ns_ = 0;  // when the camera was known to move
-  std::int64_t last_events_ns_ = 0;  // when there were enough events for that
-  std::int64_t last_found_ns_ = 0;   // when tracking was not lost, or a chapter began
-  std::int64_t started_ns_ = 0;      // when motion_ was last started at a known pose
-  Rigid3 T_world_started_;           // that pose
-  bool anew_ = false;                // it was started so since the last surface
-  std::deque<SurfacePtr> waiting_;   // surfaces of the last moment without a map that helps
-  bool follow_ = false;              // them through the map that has come
-  std::int64_t searched_ns_ = 0;     // when a search was last made
-  bool unsure_ = false;              // the next pose may be anywhere about the prediction: a better one is sought
-  bool begun_ = false;               // a chapter, in which no pose has been found yet
+  std::int64_t last_active_ns_ = 0;           // when the camera was known to move
+  std::int64_t last_events_ns_ = 0;           // when there were enough events for that
+  std::int64_t last_found_ns_ = 0;            // when tracking was not lost, or a chapter began
+  std::int64_t started_ns_ = 0;               // when motion_ was last started at a known pose
+  Rigid3 T_world_started_;                    // that pose
+  bool anew_ = false;                         // it was started so since the last surface
+  std::vector<PoseHistory::Stamped> rested_;  // where a rest before that began and ended
+  std::deque<SurfacePtr> waiting_;            // surfaces of the last moment without a map that helps
+  bool follow_ = false;                       // them through the map that has come
+  std::int64_t searched_ns_ = 0;              // when a search was last made
+  bool unsure_ = false;  // the next pose may be anywhere about the prediction: a better one is sought
+  bool begun_ = false;   // a chapter, in which no pose has been found yet
   std::vector<Matrix6d> chapter_covariance_;  // of where each chapter began
   bool inertial_prior_ = false;               // the last surface was predicted with an inertial sensor
   bool missing_ = false;                      // events ended while moving

@@ -14,7 +14,6 @@ namespace {
 
 // Depth errs alike for about this long: images that follow each other sooner count for less.
 constexpr double kAlike_s = 0.1;
-constexpr double kMaxNormalisedSquare = 16;
 // By so much events' map and depth are apart in image after image, whatever the motion: m and rad.
 constexpr double kMapsApart = 3e-3;
 constexpr double kPast_s = 1;
@@ -60,7 +59,7 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
   const Vector6d moved = Log(first->T_world_event.inverse() * past_.back().T_world_event);
   const Matrix6d covariance = first->Covariance() + past_.back().Covariance();
   const Vector6d known = first->KnownDirections() * past_.back().KnownDirections() * moved;
-  return known.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kMaxNormalisedSquare;
+  return known.norm() > kLeastMotion && NormalisedSquare(moved, covariance) > kHardlyTheSame;
 }
 
 bool DepthFusion::AgreedWithin(double span_s, std::int64_t t_ns) const {
@@ -92,7 +91,7 @@ void DepthFusion::NoteContradiction(std::int64_t t_ns, bool contradicts, const V
   }
   const double drift_m = kDrift_m_s * SecondsFromNs(t_ns - contradicted_ns_);
   const Matrix6d apart = 2 * covariance + drift_m * drift_m * Matrix6d::Identity();
-  const bool alike = NormalisedSquare(residual - contradicted_, apart) < kMaxNormalisedSquare;
+  const bool alike = NormalisedSquare(residual - contradicted_, apart) < kHardlyTheSame;
   alike_in_a_row_ = alike ? alike_in_a_row_ + 1 : 1;
   contradicted_ns_ = t_ns;
   contradicted_ = residual;
@@ -116,7 +115,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const bool knows_all = depth.KnowsAllDirections();
   if (knows_all) error_scale_.Note(depth.t_ns, residual, estimate.variance_scale * stated);
   const double square = NormalisedSquare(residual, stated);
-  const bool contradicts = square > kMaxNormalisedSquare;
+  const bool contradicts = square > kHardlyTheSame;
   if (knows_all) NoteContradiction(depth.t_ns, contradicts, residual, alone + rest);
   const bool believed = depth.confirmed || alike_in_a_row_ >= kAlikeInARow;
   const bool wrong = knows_all ? believed : estimate.doubtful;
@@ -127,7 +126,7 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   }
   if (!contradicts || knows_all) contradictions_ = 0;
   // Such a pose is as wrong as depth says, in the directions that depth knows.
-  const double widened = std::max(1.0, square / kMaxNormalisedSquare);
+  const double widened = std::max(1.0, square / kHardlyTheSame);
   const Matrix6d covariance = widened * estimate.covariance;
   agreed_ = depth;
   NotePeriod(since_s);

@@ -14,7 +14,6 @@ constexpr double kLeast = 1;   // in m and rad: what is known is known to centim
 // Of the variance that is stated of a pose. What errs alike in image after image is in it, too: taken for all of it, a
 // full turn would drift as depth alone does.
 constexpr double kCorrectedShare = 0.25;
-constexpr double kMaxNormalisedSquare = 16;
 
 /// (H^-1 + p s^2 p')^-1, where H may be singular and s zero.
 Matrix6d InformationOnPlace(const DepthPose& depth) {
@@ -28,10 +27,10 @@ Rigid3 Corrected(const Rigid3& T_world_event, const Matrix6d& covariance, const 
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d apart = Log(T_world_event.inverse() * depth.T_world_event);
   const double square = depth.SquareApart(T_world_event, covariance);
-  const bool contradicts = square > kMaxNormalisedSquare;
+  const bool contradicts = square > kHardlyTheSame;
   if (contradicts && !depth.confirmed) return T_world_event;
   // Such a pose is as wrong as depth says, but for what may be the delay.
-  const double share_of_stated = contradicts ? square / kMaxNormalisedSquare : kCorrectedShare;
+  const double share_of_stated = contradicts ? square / kHardlyTheSame : kCorrectedShare;
   const Matrix6d share = share_of_stated * covariance * InformationOnPlace(depth);
   // (C^-1 + H)^-1 H, where both may be singular.
   return T_world_event * Exp((I + share).partialPivLu().solve(share * apart));
@@ -42,7 +41,7 @@ double DepthPose::SquareApart(const Rigid3& T_world_other, const Matrix6d& covar
 }
 
 bool DepthPose::Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const {
-  return SquareApart(T_world_other, covariance) > kMaxNormalisedSquare;
+  return SquareApart(T_world_other, covariance) > kHardlyTheSame;
 }
 
 Matrix6d DepthPose::Covariance() const {

@@ -7,6 +7,9 @@
 
 namespace devo {
 
+/// Two poses that are farther apart, squared, over what may be (four standard deviations), can hardly be the same.
+inline constexpr double kHardlyTheSame = 16;
+
 /// Where the event camera was at the time of a depth image, as the image's geometry shows it.
 struct DepthPose {
   std::int64_t t_ns = 0;    ///< when events show that moment, as far as the delays are known
@@ -26,7 +29,7 @@ struct DepthPose {
   /// How far a pose with this covariance (of a right perturbation, m and rad) is from this one: squared, over what may
   /// be, the delay's uncertainty included; 6 in the mean where they are the same.
   double SquareApart(const Rigid3& T_world_other, const Matrix6d& covariance) const;
-  /// Whether it can hardly be the same.
+  /// Whether that is more than kHardlyTheSame.
   bool Contradicts(const Rigid3& T_world_other, const Matrix6d& covariance) const;
   /// Of a right perturbation [rho; phi] (m, rad) of T_world_event; 1 m and rad in directions that the image leaves
   /// open.

@@ -66,6 +66,7 @@ void Mapper::Reset() {
   sure_ = trackable_ = begin_chapter_ = false;
   map_.Clear();
   depth_keyframes_.Clear();
+  depth_repeats_.Clear();
   depth_of_rest_.Clear();
   first_depth_.reset();
   depth_poses_.clear();
@@ -167,13 +168,13 @@ bool Mapper::UpdateFromDepth() {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
-    const Rigid3 T_moved_world = AlignDepth(depth);
+    const auto T_moved_world = AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
-    if (apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
+    if (T_moved_world && apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
       if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
       const bool first = map_.empty();
-      changed |= Process(depth, surface, T_moved_world, &counters_);
+      changed |= Process(depth, surface, *T_moved_world, &counters_);
       if (first && !map_.empty()) first_depth_ = {depth, false};
     }
     depths_.pop_front();
@@ -205,11 +206,15 @@ void Mapper::KeepFirstDepth() {
   depth_keyframes_.KeepFirst(first->depth, ViewAt(first->depth.t_ns, *T_world_then), !first->of_rest);
 }
 
-Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
+std::optional<Rigid3> Mapper::AlignDepth(const DepthImage& depth) {
   if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
   KeepFirstDepth();
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
   if (!T_world_then) return Rigid3();
+  if (depth_repeats_.IsRepeat(depth.depth_m, *T_world_then)) {
+    ++counters_.depth_repeated;
+    return std::nullopt;
+  }
   auto pose = depth_keyframes_.Align(depth, ViewAt(depth.t_ns, *T_world_then));
   counters_.depth_jumps = depth_keyframes_.jumps();
   if (!pose) return Rigid3();
@@ -217,7 +222,9 @@ Rigid3 Mapper::AlignDepth(const DepthImage& depth) {
   pose->t_ns = depth.t_ns;
   pose->epoch = epoch_;
   depth_poses_.push_back(*pose);
-  return Corrected(*T_world_then, covariance_, *pose) * T_world_then->inverse();
+  const Rigid3 T_world_event = Corrected(*T_world_then, covariance_, *pose);
+  depth_repeats_.Note(depth.depth_m, T_world_event, *pose);
+  return T_world_event * T_world_then->inverse();
 }
 
 bool Mapper::BeginFromRest() {

@@ -189,15 +189,8 @@ const Odometry::Counters& Odometry::counters() const {
   const Impl& m = *impl_;
   const auto& s = m.surfaces.counters();
   const auto& d = m.mapper_counters;
-  m.counters = {s.in,
-                s.used,
-                s.outside,
-                s.unordered,
-                d.depth_in,
-                d.depth_used,
-                d.depth_aligned,
-                d.depth_jumps,
-                d.depth_without_valid_pixel,
+  m.counters = {s.in,         s.used,          s.outside,     s.unordered,      d.depth_in,
+                d.depth_used, d.depth_aligned, d.depth_jumps, d.depth_repeated, d.depth_without_valid_pixel,
                 d.references};
   return m.counters;
 }

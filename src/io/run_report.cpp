@@ -139,6 +139,7 @@ std::string RunReport::ToJson() const {
                           {"used", counters.depth_used},
                           {"aligned", counters.depth_aligned},
                           {"jumps", counters.depth_jumps},
+                          {"repeated", counters.depth_repeated},
                           {"without_valid_pixel", counters.depth_without_valid_pixel},
                           {"skipped_by_rate", depth_skipped_by_rate},
                           {"unordered", depth_unordered}};

@@ -230,6 +230,11 @@ bool MappingNode::Step() {
                  << ": the depth camera sees the same scene otherwise from one "
                     "image to the next (a correction of its own calibration); earlier images are forgotten");
     }
+    if (mapper_->counters().depth_repeated > counters_.depth_repeated) {
+      ROS_WARN_STREAM_THROTTLE(1, private_nh_.getNamespace()
+                                      << ": a depth image came again with another stamp, expected one of that time; "
+                                         "it is not used");
+    }
     const std::lock_guard<std::mutex> lock(mutex_);
     counters_ = mapper_->counters();
     scene_depth_ = mapper_->scene_depth();
@@ -377,6 +382,7 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("depth images used", counters_.depth_used);
   status.add("depth images aligned to earlier ones", counters_.depth_aligned);
   status.add("times the depth camera began to see otherwise", counters_.depth_jumps);
+  status.add("depth images that came again with another stamp", counters_.depth_repeated);
   status.add("depth images without a valid pixel", counters_.depth_without_valid_pixel);
   status.add("depth images dropped", depth_dropped_);
   status.add("depth images refused", depth_refused_);

@@ -518,6 +518,26 @@ TEST(Mapper, SaysWhereTheCameraWasByTheDepthImageOfTheFirstMapWhereMoreThanEvent
   }
 }
 
+TEST(Mapper, LeavesOutADepthImageThatComesAgainWithAnotherStamp) {
+  Rig rig = TestRig();
+  rig.depth_registered = false;
+  rig.depth_camera = DepthSceneCamera();
+  Mapper mapper(rig, OdometryOptions());
+  DepthImage depth;
+  for (int k = 1; k <= 5; ++k) {
+    const Rigid3 T_world_event = Rigid3::Translation({0.01 * (k - 1), 0, 0});
+    mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
+    if (k > 1) mapper.AddPose(PoseAt(100 * k * kMs, T_world_event));
+    if (k != 4) depth.depth_m = DepthSeen(T_world_event, 0.002, DepthScene::kRoom, k);
+    depth.t_ns = 100 * k * kMs;
+    mapper.AddDepth(depth);
+    mapper.Update();
+    EXPECT_EQ(mapper.TakeDepthPoses().empty(), k < 3 || k == 4) << k;
+  }
+  EXPECT_EQ(mapper.counters().depth_repeated, 1U);
+  EXPECT_EQ(mapper.counters().depth_used, 4U);
+}
+
 TEST(Mapper, SaysWhereTheCameraWasByDepthAllThroughAGapOfTheEvents) {
   Rig rig = TestRig();
   rig.depth_registered = false;

@@ -16,6 +16,7 @@
 #include "devo/core/depth_of_rest.h"
 #include "devo/core/depth_pose.h"
 #include "devo/core/depth_registration.h"
+#include "devo/core/depth_repeats.h"
 #include "devo/core/lidar_accumulator.h"
 #include "devo/core/lidar_sweep.h"
 #include "devo/core/local_map.h"
@@ -72,10 +73,11 @@ class Mapper {
   void Reset();
 
   struct Counters {
-    std::uint64_t depth_in = 0;       ///< depth images or sweeps added
-    std::uint64_t depth_used = 0;     ///< of these, met with a surface and a pose
-    std::uint64_t depth_aligned = 0;  ///< images aligned to an earlier one
-    std::uint64_t depth_jumps = 0;    ///< how often the depth camera began to see otherwise than before
+    std::uint64_t depth_in = 0;        ///< depth images or sweeps added
+    std::uint64_t depth_used = 0;      ///< of these, met with a surface and a pose
+    std::uint64_t depth_aligned = 0;   ///< images aligned to an earlier one
+    std::uint64_t depth_jumps = 0;     ///< how often the depth camera began to see otherwise than before
+    std::uint64_t depth_repeated = 0;  ///< images that had come before, with another stamp
     std::uint64_t depth_without_valid_pixel = 0;
     std::uint64_t references = 0;
   };
@@ -95,8 +97,9 @@ class Mapper {
   /// Of the first map, for later images to be aligned to, as soon as poses tell where it was made.
   void KeepFirstDepth();
   DepthKeyframes::View ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const;
-  /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image.
-  Rigid3 AlignDepth(const DepthImage& depth);
+  /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image. Empty
+  /// where that is not of its time.
+  std::optional<Rigid3> AlignDepth(const DepthImage& depth);
   /// Puts what it adds to the map where tracking will be after `T_moved_world`: from where it was, the map would pull
   /// poses back. `of_depth`: where the image is counted.
   bool Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world, Counters* of_depth);
@@ -131,6 +134,7 @@ class Mapper {
   LidarAccumulator lidar_;
   ReferenceMap map_;
   DepthKeyframes depth_keyframes_;
+  DepthRepeats depth_repeats_;
   DepthOfRest depth_of_rest_;
   struct FirstDepth {
     DepthImage depth;

@@ -22,7 +22,7 @@ constexpr double kMinSigma_m = 2e-4;
 constexpr double kTukey = 4;       // standard deviations beyond which a match is an outlier
 constexpr double kStill_m = 3e-5;  // a step smaller than this, or this in radians, ends the iterations
 // The normals' noise makes any direction look a little constrained: below so many times of what it makes, it is open.
-constexpr double kOpenNoise = 2;
+constexpr double kOpenNoise = 4;
 constexpr double kOpenShare = 5e-4;  // and at any rate below this share of the best: a wall is never quite flat
 constexpr double kDamping_m = 0.01;  // of a step, also in radians, where the surfaces say nothing
 constexpr int kMinMatches = 100;

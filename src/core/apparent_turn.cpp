@@ -48,7 +48,7 @@ const Eigen::Vector3d& ApparentTurn::Estimate(const std::vector<Sighting>& event
   start_at(Eigen::Vector3d::Zero());
   turn_.setZero();
   if (events.size() < kLeastEvents) return turn_;
-  glance_.clearer_by_square = look_.clearer_by_square = all_.clearer_by_square = kClearerBySquare;
+  clearer_by_square_ = kClearerBySquare;
   if (asked_++ % kAmongAllEvery == 0) {
     LookAt(events, kGlance_s, kCoarse_px, kInGlance, &glance_);
     start_at(AmongAll(glance_));
@@ -70,7 +70,7 @@ Eigen::Vector3d ApparentTurn::Beside(const std::vector<Sighting>& events, const 
   Eigen::Vector3d beside = Eigen::Vector3d::Zero();
   if (events.size() >= kLeastEvents) {
     LookAt(events, kAll_s, kFine_px, kInLook, &all_);
-    all_.clearer_by_square = kClearerBeside;
+    clearer_by_square_ = kClearerBeside;
     Eigen::Vector3d start = beside;
     double best = all_.none;
     for (const Eigen::Vector3d& other : {Eigen::Vector3d(turn_ - believed), Eigen::Vector3d(-believed)}) {
@@ -158,7 +158,7 @@ double ApparentTurn::Pairs(const Look& look, const Eigen::Vector3d& turn) {
 }
 
 double ApparentTurn::Sharpness(const Look& look, const Eigen::Vector3d& turn) {
-  return Pairs(look, turn) - look.clearer_by_square * look.none * turn.norm() * look.squares_per_turn;
+  return Pairs(look, turn) - clearer_by_square_ * look.none * turn.norm() * look.squares_per_turn;
 }
 
 Eigen::Vector3d ApparentTurn::Climb(const Look& look, Eigen::Vector3d turn) {

@@ -111,19 +111,19 @@ std::optional<DepthKeyframes::Found> DepthKeyframes::Find(const DepthCells& now,
     found.pose.confirmed = IsConfirmed(match, found.pose, now, view);
     return found;
   };
+  std::optional<Found> found;
   const Match near = FindNear(now, view);
-  if (near.keyframe < 0) {
-    const Match far = FindFar(now, view);
-    return far.keyframe < 0 ? std::nullopt : std::make_optional(found_by(far));
+  if (near.keyframe >= 0) {
+    found = found_by(near);
+    const DepthPose& pose = found->pose;
+    const bool fits = pose.KnowsAllDirections() && !pose.Contradicts(view.T_world_event, view.covariance);
+    if (fits || pose.confirmed || near.result.overlap >= kKeepOverlap) return found;
   }
-  Found found = found_by(near);
-  const bool fits = found.pose.KnowsAllDirections() && !found.pose.Contradicts(view.T_world_event, view.covariance);
-  if (fits || found.pose.confirmed || near.result.overlap >= kKeepOverlap) return found;
   // From a start too far off it may have met few surfaces, or stopped on its way.
   const Match far = FindFar(now, view);
-  if (far.keyframe < 0 || far.result.overlap <= near.result.overlap) return found;
+  if (far.keyframe < 0 || (found && far.result.overlap <= near.result.overlap)) return found;
   Found farther = found_by(far);
-  return farther.pose.confirmed ? farther : found;
+  return !found || farther.pose.confirmed ? farther : found;
 }
 
 DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {

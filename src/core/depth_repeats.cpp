@@ -22,13 +22,13 @@ bool SameReadings(const cv::Mat1f& a, const cv::Mat1f& b) {
 
 bool DepthRepeats::IsRepeat(const cv::Mat1f& depth_m, const Rigid3& T_world_event) const {
   if (last_m_.empty() || !SameReadings(depth_m, last_m_)) return false;
-  return (shown_ * Log(T_world_last_.inverse() * T_world_event)).norm() > kMoved;
+  return (shown_.KnownDirections() * Log(T_world_last_.inverse() * T_world_event)).norm() > kMoved;
 }
 
 void DepthRepeats::Note(const cv::Mat1f& depth_m, const Rigid3& T_world_event, const DepthPose& shown) {
   last_m_ = depth_m;
   T_world_last_ = T_world_event;
-  shown_ = shown.KnownDirections();
+  shown_ = shown;
 }
 
 }  // namespace devo

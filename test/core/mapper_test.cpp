@@ -465,12 +465,17 @@ TEST(Mapper, ForgetsItsMapWhenASurfaceOfANewEpochComes) {
   EXPECT_THAT(map->points, SizeIs(300));
 }
 
-/// What the mapper says of depth images of a room's corner, the last of them off its predicted pose by this.
-std::vector<DepthPose> PosesByDepth(const OdometryOptions& options, const Rigid3& off) {
+/// With the depth camera that sees the corner of a room.
+Rig RoomRig() {
   Rig rig = TestRig();
   rig.depth_registered = false;
   rig.depth_camera = DepthSceneCamera();
-  Mapper mapper(rig, options);
+  return rig;
+}
+
+/// What the mapper says of depth images of a room's corner, the last of them off its predicted pose by this.
+std::vector<DepthPose> PosesByDepth(const OdometryOptions& options, const Rigid3& off) {
+  Mapper mapper(RoomRig(), options);
   std::vector<DepthPose> poses;
   for (int k = 1; k <= 5; ++k) {
     mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
@@ -496,12 +501,9 @@ TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
 }
 
 TEST(Mapper, SaysWhereTheCameraWasByTheDepthImageOfTheFirstMapWhereMoreThanEventsTellsItsPose) {
-  Rig rig = TestRig();
-  rig.depth_registered = false;
-  rig.depth_camera = DepthSceneCamera();
   const Rigid3 off = Exp((Vector6d() << 0.01, -0.02, 0.01, 0.01, 0.01, -0.01).finished());
   for (const bool by_events : {false, true}) {
-    Mapper mapper(rig, OdometryOptions());
+    Mapper mapper(RoomRig(), OdometryOptions());
     mapper.AddSurface(SurfaceAt(100 * kMs, Edges(600, 16)));
     mapper.AddDepth({100 * kMs, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, 1)});
     ASSERT_TRUE(mapper.Update());
@@ -519,10 +521,7 @@ TEST(Mapper, SaysWhereTheCameraWasByTheDepthImageOfTheFirstMapWhereMoreThanEvent
 }
 
 TEST(Mapper, LeavesOutADepthImageThatComesAgainWithAnotherStamp) {
-  Rig rig = TestRig();
-  rig.depth_registered = false;
-  rig.depth_camera = DepthSceneCamera();
-  Mapper mapper(rig, OdometryOptions());
+  Mapper mapper(RoomRig(), OdometryOptions());
   DepthImage depth;
   for (int k = 1; k <= 5; ++k) {
     const Rigid3 T_world_event = Rigid3::Translation({0.01 * (k - 1), 0, 0});
@@ -539,10 +538,7 @@ TEST(Mapper, LeavesOutADepthImageThatComesAgainWithAnotherStamp) {
 }
 
 TEST(Mapper, SaysWhereTheCameraWasByDepthAllThroughAGapOfTheEvents) {
-  Rig rig = TestRig();
-  rig.depth_registered = false;
-  rig.depth_camera = DepthSceneCamera();
-  Mapper mapper(rig, OdometryOptions());
+  Mapper mapper(RoomRig(), OdometryOptions());
   const auto depth_at = [](std::int64_t t_ns) {
     return DepthImage{t_ns, DepthSeen(Rigid3(), 0, DepthScene::kRoom, 1)};
   };

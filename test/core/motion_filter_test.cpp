@@ -220,13 +220,19 @@ Rigid3 SwingAt(double t) {
           {0.3 * std::sin(2.1 * t), 0.1 * std::cos(3 * t), 0.2 * std::sin(1.1 * t)}};
 }
 
+/// [v; omega], of and in the camera's frame.
+Vector6d SwingVelocityAt(double t) {
+  constexpr double h = 1e-4;
+  return Log(SwingAt(t - h).inverse() * SwingAt(t + h)) / (2 * h);
+}
+
 InertialMean ReadAt(double t) {
   constexpr double h = 1e-4;
   const auto place = [](double s) { return SwingAt(s) * kLever; };
   const Eigen::Quaterniond R = SwingAt(t).rotation();
   const Eigen::Vector3d acceleration = (place(t + h) - 2 * place(t) + place(t - h)) / (h * h);
-  const Eigen::Vector3d turn = LogSO3(SwingAt(t - h).rotation().conjugate() * SwingAt(t + h).rotation()) / (2 * h);
-  return {turn + kTurnBias, Eigen::Vector3d(R.conjugate() * (acceleration - kGravity) + kPushBias), kLever};
+  return {SwingVelocityAt(t).tail<3>() + kTurnBias,
+          Eigen::Vector3d(R.conjugate() * (acceleration - kGravity) + kPushBias), kLever};
 }
 
 using Reader = std::function<InertialMean(double)>;
@@ -329,21 +335,21 @@ Reader Shaken(double turn_sigma_rad_s, double push_sigma_m_s2, bool known) {
   };
 }
 
+/// By the inertial sensor alone, for one period.
+void Lead(MotionFilter* filter) {
+  filter->Advance(filter->time_ns() + kPeriod_ns, ReadAt(SecondsFromNs(filter->time_ns() + kPeriod_ns / 2)));
+}
+
 double ErrorAfterGap_m(MotionFilter filter, bool inertial) {
   const std::int64_t end_ns = filter.time_ns() + 30 * kPeriod_ns;
   while (filter.time_ns() < end_ns) {
     if (inertial) {
-      filter.Advance(filter.time_ns() + kPeriod_ns, ReadAt(SecondsFromNs(filter.time_ns() + kPeriod_ns / 2)));
+      Lead(&filter);
     } else {
       filter.Coast(filter.time_ns() + kPeriod_ns);
     }
   }
   return (filter.pose().translation() - SwingAt(SecondsFromNs(end_ns)).translation()).norm();
-}
-
-Vector6d SwingVelocityAt(double t) {
-  constexpr double h = 1e-4;
-  return Log(SwingAt(t - h).inverse() * SwingAt(t + h)) / (2 * h);
 }
 
 /// Started with a velocity that is 0.2 m/s off and taken for certain to 0.02 m/s, led by the inertial sensor for half a
@@ -354,10 +360,7 @@ double VelocityErrorOnceThePoseIsKnown(const std::function<void(MotionFilter*)>&
   Vector6d velocity = SwingVelocityAt(begin_s);
   velocity.head<3>() += Eigen::Vector3d(0.2, 0, 0);
   filter.Start(filter.time_ns(), SwingAt(begin_s), velocity, 0.02);
-  for (int k = 0; k < 50; ++k) {
-    const std::int64_t t_ns = filter.time_ns() + kPeriod_ns;
-    filter.Advance(t_ns, ReadAt(SecondsFromNs(t_ns - kPeriod_ns / 2)));
-  }
+  for (int k = 0; k < 50; ++k) Lead(&filter);
   const double now_s = SecondsFromNs(filter.time_ns());
   widen(&filter);
   filter.Update(filter.time_ns(), SwingAt(now_s), 1e6 * Matrix6d::Identity());

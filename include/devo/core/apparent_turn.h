@@ -54,8 +54,7 @@ class ApparentTurn {
     std::vector<std::int32_t> polarity;  // all: events, and some outside the image, to whole registers
     double squares_per_turn;             // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
-    double none, sigma;            // pairs without a turn, and their standard deviation by chance
-    double clearer_by_square = 0;  // share of them that it takes for each square that the image moves
+    double none, sigma;  // pairs without a turn, and their standard deviation by chance
   };
   void LookAt(const std::vector<Sighting>& events, double span_s, double square_px, std::size_t most, Look* look);
   /// Of each event, turned: twice its square and its polarity; beyond the last square where outside the image.
@@ -70,6 +69,7 @@ class ApparentTurn {
   float fx_, fy_, cx_, cy_;
   int width_, height_;
   Look glance_, look_, all_;
+  double clearer_by_square_ = 0;       // share of the pairs that each square is to be worth that the image moves
   std::vector<std::uint16_t> counts_;  // all zero between calls
   std::vector<std::int32_t> squares_;  // of each event
   Eigen::Vector3d turn_ = Eigen::Vector3d::Zero();

@@ -27,7 +27,7 @@ class DepthRepeats {
  private:
   cv::Mat1f last_m_;
   Rigid3 T_world_last_;
-  Matrix6d shown_;  // projection on the directions that it shows
+  DepthPose shown_;
 };
 
 }  // namespace devo

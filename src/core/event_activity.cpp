@@ -39,14 +39,14 @@ double FlowAcrossEdges(const std::vector<MapPoint>& points, const Rigid3& T_even
   return count > 0 ? sum / count : 0;
 }
 
-void EventActivity::Note(const Surface& surface, double flow_px_s) {
-  if (!surface.still) unseen_px_ = 0;
-  if (!surface.still && flow_px_s > 0) {
+void EventActivity::Note(double activity_hz, bool still, double flow_px_s) {
+  if (!still) unseen_px_ = 0;
+  if (!still && flow_px_s > 0) {
     const double share = 1 / (kForgets_s * rate_hz_);
-    known_hz_ += share * (surface.activity_hz - known_hz_);
+    known_hz_ += share * (activity_hz - known_hz_);
     known_px_s_ += share * (flow_px_s - known_px_s_);
   }
-  past_hz_.push_back(surface.activity_hz);
+  past_hz_.push_back(activity_hz);
   while (past_hz_.size() > Surfaces(kSpan_s)) past_hz_.pop_front();
 }
 

@@ -29,9 +29,10 @@ constexpr double kQuietShare = 0.1;    // of the blocks is taken to show nothing
 constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQuietShare
 // Noise depends on the light, and so differs between parts of the image. A block shows nothing else where it passes as
 // often as chance lets its own rate pass, times this and plus so many deviations: edges pass far more often. Where
-// chance alone lets more than a share pass, the two look alike; nor is any noise beyond so many times the quietest's.
+// chance alone lets more than a share pass, the two look alike; nor is any noise beyond so many times the quietest's:
+// that of dark parts, where a bright one has next to none.
 constexpr double kBeyondChance = 1.3, kBeyondSigmas = 2, kMostByChance = 0.4;
-constexpr double kMostTimesQuietest = 10, kLeastQuietest_hz = 0.1;
+constexpr double kMostTimesQuietest = 40, kLeastQuietest_hz = 0.1;
 constexpr double kKnownShare = 0.25;  // of the blocks tells of all
 constexpr double kMostTold_hz = 8;    // of all events per pixel: beyond, there is motion, and looking costs
 // Passing noise of this rate is a third of the least activity of a motion.

@@ -270,18 +270,19 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.reference_id = map_->id;
   const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
   // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
-  const bool free = surface.still && !held_;
+  const bool still = surface.still || IsNoise(surface);
+  const bool free = still && !held_;
   const bool may_move = free && (unseen_s < kMaxCoast_s || TurnsUnseen(surface.t_edges_ns));
   // Depth that agrees measures the motion on, however long events are missing.
   const bool by_depth = free && missing_ && depth_fusion_.AgreedWithin(kMaxCoast_s, surface.t_ns);
   missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && MayMoveUnseen(surface);
   coasting_ = missing_ || (may_move && IsMoving(surface, unseen_s));
   if (!held_) held_since_ns_ = surface.t_edges_ns;
-  if (std::exchange(held_, surface.still && !coasting_) && !surface.still) LeaveRest();
+  if (std::exchange(held_, still && !coasting_) && !still) LeaveRest();
   if (surface.t_edges_ns > motion_.time_ns()) {
     const MotionFilter before = motion_;
     step_ = {surface.t_edges_ns};
-    if (!surface.still) {
+    if (!still) {
       Register(surface, &pose);
     } else if (coasting_) {
       Coast(surface.t_edges_ns, &pose);
@@ -292,9 +293,9 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     history_.Add(motion_.time_ns(), motion_.pose());
   }
   TryInertial();
-  NoteActivity(surface, pose);
-  if (state_ != TrackingState::kLost || surface.still) last_found_ns_ = surface.t_ns;
-  pose.needs_map = !surface.still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
+  NoteActivity(surface, still, pose);
+  if (state_ != TrackingState::kLost || still) last_found_ns_ = surface.t_ns;
+  pose.needs_map = !still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
   pose.chapter = map_->chapter;
   pose.state = state_;
   pose.inertial_fit = InertialFitNow();
@@ -370,12 +371,16 @@ bool Tracker::StartFromRest() {
   return true;
 }
 
-void Tracker::NoteActivity(const Surface& surface, const PoseEstimate& pose) {
+bool Tracker::IsNoise(const Surface& surface) const {
+  return surface.maybe_noise && state_ != TrackingState::kLost && quality_.bad_in_a_row() >= Surfaces(kBadFor_s);
+}
+
+void Tracker::NoteActivity(const Surface& surface, bool still, const PoseEstimate& pose) {
   const double since_s = SecondsFromNs(surface.t_ns - last_active_ns_);
-  if (!surface.still) last_active_ns_ = last_events_ns_ = surface.t_ns;
-  const bool known = !surface.still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
+  if (!still) last_active_ns_ = last_events_ns_ = surface.t_ns;
+  const bool known = !still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
   const double flow_px_s = known ? Flow(SurfaceVelocity()) : 0;
-  activity_.Note(surface, flow_px_s);
+  activity_.Note(surface.activity_hz, still, flow_px_s);
   if (known) residual_scale_.Note(since_s, pose.mean_residual_px, flow_px_s);
 }
 

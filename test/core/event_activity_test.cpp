@@ -10,22 +10,19 @@ namespace {
 
 constexpr double kStill_hz = 0.15;
 
-Surface With(double activity_hz) {
-  Surface surface;
-  surface.activity_hz = activity_hz;
-  surface.still = activity_hz < kStill_hz;
-  return surface;
+void Note(double activity_hz, double flow_px_s, EventActivity* activity) {
+  activity->Note(activity_hz, activity_hz < kStill_hz, flow_px_s);
 }
 
 /// A camera that has made 0.04 events per pixel of motion, at 250 px/s.
 EventActivity Moving(double rate_hz = 100) {
   EventActivity activity(rate_hz, kStill_hz);
-  for (int k = 0; k < rate_hz; ++k) activity.Note(With(10), 250);
+  for (int k = 0; k < rate_hz; ++k) Note(10, 250, &activity);
   return activity;
 }
 
 bool EndedSuddenlyAfter(EventActivity activity, const std::vector<double>& activities_hz) {
-  for (const double activity_hz : activities_hz) activity.Note(With(activity_hz), 0);
+  for (const double activity_hz : activities_hz) Note(activity_hz, 0, &activity);
   return activity.EndedSuddenly();
 }
 
@@ -63,7 +60,7 @@ TEST(EventActivity, TellsThemAtOtherRatesOfSurfacesToo) {
 
 TEST(EventActivity, TakesTheEndOfAHandfulOfEventsForAStop) {
   EventActivity activity(100, kStill_hz);
-  for (int k = 0; k < 100; ++k) activity.Note(With(2 * kStill_hz), 10);
+  for (int k = 0; k < 100; ++k) Note(2 * kStill_hz, 10, &activity);
   EXPECT_FALSE(activity.EndedSuddenly());
 }
 
@@ -78,7 +75,7 @@ TEST(EventActivity, RulesOutAMotionThatWouldHaveMadeEventsOnceItHasPassedTheWidt
   EXPECT_FALSE(RulesOutMotionOf(60, &activity));
   EXPECT_FALSE(RulesOutMotionOf(60, &activity));
   EXPECT_TRUE(RulesOutMotionOf(60, &activity)) << "after 1.8 px";
-  activity.Note(With(10), 250);
+  Note(10, 250, &activity);
   EXPECT_FALSE(RulesOutMotionOf(60, &activity)) << "it has moved since";
 }
 
@@ -96,7 +93,7 @@ TEST(EventActivity, TellsHowFastEdgesMustMoveToShow) {
 TEST(EventActivity, RulesOutNothingBeforeAnyMotionWasSeen) {
   EventActivity activity(100, kStill_hz);
   for (int k = 0; k < 100; ++k) {
-    activity.Note(With(10), 0);
+    Note(10, 0, &activity);
     ASSERT_FALSE(RulesOutMotionOf(1000, &activity)) << k;
   }
 }

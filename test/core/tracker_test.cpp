@@ -437,16 +437,20 @@ TEST(Tracker, TellsASlowMotionWithoutEventsFromAStopByTheInertialSensor) {
   }
 }
 
-TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
-  // Events grow fewer over several surfaces, as when a camera slows down.
-  const auto tracker = Moving();
-  std::int64_t t_ns = kNow_ns;
-  const Rigid3 stopped = TrueAt(kNow_ns);
+/// Events grow fewer over several surfaces, the last at t_ns, as when a camera comes to a stop at TrueAt(kNow_ns).
+void SlowDown(std::int64_t* t_ns, Tracker* tracker) {
   for (const double activity_hz : {3.0, 2.0, 1.5, 1.0, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.2}) {
-    Surface slow = Seen(t_ns += kPeriod_ns, stopped);
+    Surface slow = Seen(*t_ns += kPeriod_ns, TrueAt(kNow_ns));
     slow.activity_hz = activity_hz;
     tracker->Track(slow);
   }
+}
+
+TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
+  std::int64_t t_ns = kNow_ns;
+  const auto tracker = Moving();
+  SlowDown(&t_ns, tracker.get());
+  const Rigid3 stopped = TrueAt(kNow_ns);
   Rigid3 held;
   for (int k = 0; k < 100; ++k) {
     const auto pose = tracker->Track(Still(t_ns += kPeriod_ns));
@@ -457,6 +461,41 @@ TEST(Tracker, HoldsThePoseWhenTheCameraStandsStill) {
   }
   EXPECT_LT(Log(stopped.inverse() * held).norm(), 3e-3);
   EXPECT_LT(tracker->SurfaceVelocity().norm(), 1e-6);
+}
+
+/// More events than a standstill may have, of noise that differs between parts of the image.
+Surface UnevenNoise(std::int64_t t_ns) {
+  Surface surface = Still(t_ns, 0.3);
+  surface.still = false;
+  return surface;
+}
+
+TEST(Tracker, HoldsThePoseWhereEventsAreNotMoreThanNoiseMayMakeAndMatchNothing) {
+  std::int64_t t_ns = kNow_ns;
+  const auto tracker = Moving();
+  SlowDown(&t_ns, tracker.get());
+  Rigid3 held;
+  for (int k = 0; k < 100; ++k) {
+    const auto pose = tracker->Track(UnevenNoise(t_ns += kPeriod_ns));
+    ASSERT_TRUE(pose);
+    ASSERT_NE(pose->state, TrackingState::kLost) << k;
+    if (k < 5) held = pose->T_world_event;  // a few may be false for another reason
+    ASSERT_LT(Log(held.inverse() * pose->T_world_event).norm(), 1e-9) << k;
+  }
+  EXPECT_LT(Log(TrueAt(kNow_ns).inverse() * held).norm(), 5e-3);
+  EXPECT_LT(tracker->SurfaceVelocity().norm(), 1e-6);
+}
+
+TEST(Tracker, FollowsEventsThatMatchThoughTheyAreNotMoreThanNoiseMayMake) {
+  const auto tracker = Moving();
+  for (int k = 1; k <= 50; ++k) {
+    const std::int64_t t_ns = kNow_ns + k * kPeriod_ns;
+    Surface few = Seen(t_ns, TrueAt(t_ns));
+    few.maybe_noise = true;
+    const auto pose = tracker->Track(few);
+    ASSERT_TRUE(pose);
+    ASSERT_LT(ErrorOf(*pose), 3e-3) << k;
+  }
 }
 
 TEST(Tracker, LeavesARestWithTheVelocityThatTheCameraReachedBeforeEventsShowedIt) {

@@ -27,9 +27,9 @@ class EventActivity {
   /// `rate_hz`: of surfaces. `still_hz`: events per pixel and second below which a surface is still.
   EventActivity(double rate_hz, double still_hz) : rate_hz_(rate_hz), still_hz_(still_hz) {}
 
-  /// One for each surface, in the order of time. `flow_px_s`: across edges, 0 where it is not known; not
-  /// used of still ones.
-  void Note(const Surface& surface, double flow_px_s);
+  /// Of each surface, in the order of time: its events per pixel and second after the noise filter, and whether the
+  /// camera is taken to stand. `flow_px_s`: across edges, 0 where it is not known; not used where it stands.
+  void Note(double activity_hz, bool still, double flow_px_s);
 
   /// Whether the last events ended faster than a camera could stop: it is events that are missing. Not where they had
   /// been few.

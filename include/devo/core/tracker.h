@@ -94,7 +94,10 @@ class Tracker {
   void LeaveRest();
   /// From where depth contradicts; false: that is no better.
   bool TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event, AlignmentResult* result);
-  void NoteActivity(const Surface& surface, const PoseEstimate& pose);
+  /// Whether the camera is taken to stand, though noise that differs between parts of the image makes more events than
+  /// a standstill may have: they match nothing of the map.
+  bool IsNoise(const Surface& surface) const;
+  void NoteActivity(const Surface& surface, bool still, const PoseEstimate& pose);
   /// Of the map's edges across themselves, px/s, seen from the last pose by a camera of this velocity.
   double Flow(const Vector6d& velocity_event) const;
   /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.

@@ -58,7 +58,11 @@ struct DepthAligner::Equations {
   Vector6d g = Vector6d::Zero();
   std::vector<float> distances;  // of the matches, absolute
   int seen = 0;                  // cells that might have matched
+  int compared = 0;              // of these, those where the reference has a reading
   int met = 0;                   // of these, those that lie on a surface of the reference, if not exactly
+  // Once solved:
+  double sigma_m = 0;              // spread of the distances
+  Vector6d xi = Vector6d::Zero();  // T_ref_depth is to be moved by Exp(xi)
 };
 
 DepthAligner::DepthAligner(const Camera& camera)
@@ -151,6 +155,7 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
     const int k = q.z() > 0 ? CellAt(q) : -1;
     if (k < 0) continue;
     const DepthCells::Cell& surface = ref.cells[k];
+    equations.compared += surface.p.z() > 0 ? 1 : 0;
     if (surface.n.isZero() || surface.n.dot(R * cell.n) < kMinMatchCosine) continue;
     const float distance = surface.n.dot(q - surface.p);
     equations.met += std::abs(distance) < SurfaceGap(surface.p.z()) ? 1 : 0;
@@ -185,6 +190,36 @@ Matrix6d DepthAligner::LeaveOpen(const Matrix6d& H, double depth_m, double sigma
   return to_units * known.asDiagonal() * from_units.transpose();
 }
 
+std::optional<DepthAligner::Equations> DepthAligner::Step(const DepthCells& ref, const DepthCells& now,
+                                                          const Rigid3& T_ref_depth, double sigma_m,
+                                                          std::size_t step) const {
+  Equations equations = Linearise(ref, now, T_ref_depth, sigma_m, step);
+  const auto matches = static_cast<int>(equations.distances.size());
+  if (matches * static_cast<int>(step) < kMinMatches || matches < kMinOverlap * equations.seen) return std::nullopt;
+  const auto middle = equations.distances.begin() + matches / 2;
+  std::nth_element(equations.distances.begin(), middle, equations.distances.end());
+  equations.sigma_m = std::max(kMinSigma_m, kSigmaOfMedian * *middle);
+  Matrix6d damped = equations.H;
+  damped.diagonal().array() += std::pow(equations.sigma_m / kDamping_m, 2);
+  equations.xi = -damped.ldlt().solve(equations.g);
+  return equations;
+}
+
+std::optional<DepthAligner::Guess> DepthAligner::AlignCoarsely(const DepthCells& ref, const DepthCells& now,
+                                                               const Rigid3& T_start) const {
+  Guess guess{T_start, 0};
+  double sigma_m = kFarCourse.start_sigma_m;
+  for (int iteration = 0; iteration < kFarCourse.coarse_iterations; ++iteration) {
+    const auto step = Step(ref, now, guess.T_ref_depth, sigma_m, kCoarseStep);
+    if (!step) return std::nullopt;
+    sigma_m = step->sigma_m;
+    guess.T_ref_depth = guess.T_ref_depth * Exp(step->xi);
+  }
+  const Equations reached = Linearise(ref, now, guess.T_ref_depth, kNearCourse.start_sigma_m, kCoarseStep);
+  guess.fit = static_cast<double>(reached.distances.size()) / std::max(1, reached.compared);
+  return guess;
+}
+
 std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, const DepthCells& now,
                                                         const Rigid3& T_start, Reach reach) const {
   const Course& course = reach == Reach::kFar ? kFarCourse : kNearCourse;
@@ -193,20 +228,14 @@ std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, c
   result.sigma_m = course.start_sigma_m;
   Matrix6d H;
   for (int iteration = 0; iteration < course.most_iterations; ++iteration) {
-    const std::size_t step = iteration < course.coarse_iterations ? kCoarseStep : 1;
-    Equations equations = Linearise(ref, now, result.T_ref_depth, result.sigma_m, step);
-    const auto matches = static_cast<int>(equations.distances.size());
-    if (matches * static_cast<int>(step) < kMinMatches || matches < kMinOverlap * equations.seen) return std::nullopt;
-    const auto middle = equations.distances.begin() + matches / 2;
-    std::nth_element(equations.distances.begin(), middle, equations.distances.end());
-    result.sigma_m = std::max(kMinSigma_m, kSigmaOfMedian * *middle);
-    result.overlap = static_cast<double>(equations.met) / equations.seen;
-    H = equations.H;
-    Matrix6d damped = H;
-    damped.diagonal().array() += std::pow(result.sigma_m / kDamping_m, 2);
-    const Vector6d xi = -damped.ldlt().solve(equations.g);
-    result.T_ref_depth = result.T_ref_depth * Exp(xi);
-    if (step == 1 && xi.cwiseAbs().maxCoeff() < kStill_m) break;
+    const bool coarse = iteration < course.coarse_iterations;
+    const auto step = Step(ref, now, result.T_ref_depth, result.sigma_m, coarse ? kCoarseStep : 1);
+    if (!step) return std::nullopt;
+    result.sigma_m = step->sigma_m;
+    result.overlap = static_cast<double>(step->met) / step->seen;
+    H = step->H;
+    result.T_ref_depth = result.T_ref_depth * Exp(step->xi);
+    if (!coarse && step->xi.cwiseAbs().maxCoeff() < kStill_m) break;
   }
   const Matrix6d known = LeaveOpen(H, now.median_m, result.sigma_m, &result);
   result.T_ref_depth = T_start * Exp(known * Log(T_start.inverse() * result.T_ref_depth));

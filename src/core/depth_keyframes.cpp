@@ -7,6 +7,9 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
+#include "devo/core/depth_search.h"
+#include "devo/core/time.h"
+
 namespace devo {
 namespace {
 
@@ -25,7 +28,8 @@ constexpr double kCellsPerMeasurement = 10;
 // of it is the same in two views that are near to each other.
 constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
 constexpr double kOtherView = 0.3, kLeastBias = 0.1;
-constexpr double kKnown_m = 0.05;  // also in radians
+constexpr double kKnown_m = 0.05;        // also in radians
+constexpr double kSearchEvery_s = 0.15;  // for a lost camera
 // How well the pose of the first map's image is known, also in radians.
 constexpr double kFirst_m = 5e-3;
 
@@ -35,6 +39,10 @@ Matrix6d OfKnownDirections(const Matrix6d& information) {
   Vector6d values = eigen.eigenvalues();
   for (double& value : values) value = value > 1 / (kKnown_m * kKnown_m) ? value : 0;
   return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+double LargestSigma(const Eigen::Matrix3d& covariance) {
+  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance, Eigen::EigenvaluesOnly).eigenvalues()(2));
 }
 
 }  // namespace
@@ -108,7 +116,8 @@ DepthKeyframes::Match DepthKeyframes::FindNear(const DepthCells& now, const View
 std::optional<DepthKeyframes::Found> DepthKeyframes::Find(const DepthCells& now, const View& view) const {
   const auto found_by = [&](const Match& match) {
     Found found{match, MakePose(match, view)};
-    found.pose.confirmed = IsConfirmed(match, found.pose, now, view);
+    const bool doubtful = view.lost || found.pose.Contradicts(view.T_world_event, view.covariance);
+    found.pose.confirmed = doubtful && IsConfirmed(match, found.pose, now, view);
     return found;
   };
   std::optional<Found> found;
@@ -124,6 +133,34 @@ std::optional<DepthKeyframes::Found> DepthKeyframes::Find(const DepthCells& now,
   if (far.keyframe < 0 || (found && far.result.overlap <= near.result.overlap)) return found;
   Found farther = found_by(far);
   return !found || farther.pose.confirmed ? farther : found;
+}
+
+std::vector<Rigid3> DepthKeyframes::StartsFor(const Keyframe& keyframe, const View& view) const {
+  if (!view.turn_known) return TurnedStarts();
+  if (!MayOverlap(keyframe, Reach::kFar, view)) return {};
+  return ShiftedStarts(WorldFromKeyframe(keyframe, view.delay_s).inverse() * view.T_world_event * T_event_depth_,
+                       LargestSigma(view.covariance.topLeftCorner<3, 3>()));
+}
+
+std::optional<DepthKeyframes::Found> DepthKeyframes::Search(const DepthCells& now, const View& view) const {
+  int tried = 0;
+  for (std::size_t i = keyframes_.size(); i-- > 0 && tried < kMaxTried;) {
+    const Keyframe& keyframe = keyframes_[i];
+    const auto starts = keyframe.view.chapter == view.chapter ? StartsFor(keyframe, view) : std::vector<Rigid3>();
+    if (starts.empty()) continue;
+    ++tried;
+    const auto T_key_depth = SearchPlace(aligner_, keyframe.cells, now, starts);
+    if (!T_key_depth) continue;
+    View there = view;
+    there.T_world_event = WorldFromKeyframe(keyframe, view.delay_s) * *T_key_depth * T_event_depth_.inverse();
+    const auto result = AlignTo(keyframe, Reach::kNear, now, there);
+    if (!result) continue;
+    Found found{{static_cast<int>(i), Reach::kFar, *result}, {}};
+    found.pose = MakePose(found.match, there);
+    found.pose.confirmed = found.pose.KnowsAllDirections();
+    if (found.pose.confirmed) return found;
+  }
+  return std::nullopt;
 }
 
 DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
@@ -154,7 +191,7 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
 
 bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now,
                                  const View& view) const {
-  if (!pose.Contradicts(view.T_world_event, view.covariance) || !pose.KnowsAllDirections()) return false;
+  if (!pose.KnowsAllDirections()) return false;
   View other_side = view;
   other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
   const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], match.reach, now, other_side);
@@ -191,6 +228,13 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   ++calls_;
   DepthCells now = aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m);
   auto found = Find(now, view);
+  if (view.lost && !(found && found->pose.confirmed)) {
+    found.reset();
+    if (SecondsFromNs(depth.t_ns - searched_ns_) >= kSearchEvery_s) {
+      searched_ns_ = depth.t_ns;
+      found = Search(now, view);
+    }
+  }
   if (found) {
     const DepthContinuity::Verdict verdict = Judge(found->match, found->pose, view, depth.t_ns);
     if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "devo/core/depth_guess.h"
 #include "devo/core/edge_lag.h"
@@ -62,6 +63,7 @@ void Mapper::Reset() {
   poses_.Clear();
   velocity_.setZero();
   velocity_of_poses_ = false;
+  lost_ = found_by_depth_ = false;
   delays_ = SensorDelays();
   sure_ = trackable_ = begin_chapter_ = false;
   map_.Clear();
@@ -118,6 +120,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||
                pose.state == TrackingState::kRecovered;
   if (trackable_ && !map_.empty() && pose.chapter != map_.chapter()) map_.ReturnTo(pose.chapter);
+  lost_ = pose.state == TrackingState::kLost;
   begin_chapter_ = pose.needs_map && pose.chapter == map_.chapter() && !map_.empty();
 }
 
@@ -179,6 +182,8 @@ bool Mapper::UpdateFromDepth() {
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
+    found_by_depth_ = found_by_depth_ && changed;
+    if (found_by_depth_) break;  // poses are to begin anew
   }
   return changed;
 }
@@ -192,6 +197,8 @@ DepthKeyframes::View Mapper::ViewAt(std::int64_t t_ns, const Rigid3& T_world_eve
   view.delay_sigma_s = delays_.depth_sigma_s;
   view.chapter = map_.chapter();
   view.trusted = trackable_;
+  view.lost = lost_;
+  view.turn_known = !velocity_of_poses_;
   view.covariance = covariance_;
   return view;
 }
@@ -207,6 +214,7 @@ void Mapper::KeepFirstDepth() {
 }
 
 std::optional<Rigid3> Mapper::AlignDepth(const DepthImage& depth) {
+  found_by_depth_ = false;
   if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
   KeepFirstDepth();
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
@@ -222,7 +230,8 @@ std::optional<Rigid3> Mapper::AlignDepth(const DepthImage& depth) {
   pose->t_ns = depth.t_ns;
   pose->epoch = epoch_;
   depth_poses_.push_back(*pose);
-  const Rigid3 T_world_event = Corrected(*T_world_then, covariance_, *pose);
+  found_by_depth_ = lost_ && pose->confirmed;
+  const Rigid3 T_world_event = found_by_depth_ ? pose->T_world_event : Corrected(*T_world_then, covariance_, *pose);
   depth_repeats_.Note(depth.depth_m, T_world_event, *pose);
   return T_world_event * T_world_then->inverse();
 }
@@ -296,6 +305,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     occluder_.reset();
   }
   if (surface->still || (map_.empty() && surface->maybe_noise)) return false;
+  if (found_by_depth_) return BeginWhereFound(*surface, T_world_event);
   if (begin_chapter_) return BeginChapter(*surface, T_world_event);
   if (!map_.empty() && !trackable_) return false;
 
@@ -377,6 +387,11 @@ bool Mapper::GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_eve
   return true;
 }
 
+bool Mapper::BeginWhereFound(const Surface& surface, const Rigid3& T_world_event) {
+  found_by_depth_ = AddReference(surface, T_world_event, std::vector<bool>(surface.edges.size(), false));
+  return found_by_depth_;
+}
+
 bool Mapper::BeginChapter(const Surface& surface, const Rigid3& T_world_event) {
   const int left = map_.chapter();
   map_.BeginChapter();
@@ -456,8 +471,10 @@ bool Mapper::ViewMoved() const {
 
 LocalMapPtr Mapper::MakeLocalMap() {
   auto local = std::make_shared<LocalMap>();
-  local->T_world_ref = poses_.empty() ? map_.references().back().T_world_ref : poses_.last();
-  local->t_ns = poses_.empty() ? map_.references().back().t_ns : poses_.last_time_ns();
+  local->found_by_depth = std::exchange(found_by_depth_, false);
+  const bool of_reference = poses_.empty() || local->found_by_depth;
+  local->T_world_ref = of_reference ? map_.references().back().T_world_ref : poses_.last();
+  local->t_ns = of_reference ? map_.references().back().t_ns : poses_.last_time_ns();
   local->epoch = epoch_;
   local->id = local_maps_++;
   local->chapter = map_.chapter();

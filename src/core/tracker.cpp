@@ -126,11 +126,17 @@ void Tracker::SetOptions(const OdometryOptions& options) {
 
 void Tracker::SetMap(LocalMapPtr map) {
   relocalizer_.Remember(map);
-  if (map_ && map->epoch == map_->epoch && map->chapter != map_->chapter) {
-    if (state_ != TrackingState::kLost) return;
-    BeginChapter(*map);
-  }
+  const bool begins = map_ && map->epoch == map_->epoch && (map->chapter != map_->chapter || map->found_by_depth);
+  if (begins && state_ != TrackingState::kLost) return;
   map_ = std::move(map);
+  if (begins) BeginAnew();
+}
+
+void Tracker::BeginAnew() {
+  BeginChapter(*map_);
+  const auto first = std::find_if(waiting_.begin(), waiting_.end(),
+                                  [this](const SurfacePtr& surface) { return surface->t_edges_ns > map_->t_ns; });
+  if (first != waiting_.end()) StartInMotion(**first);
 }
 
 void Tracker::AddDepthPose(const DepthPose& depth) {
@@ -197,8 +203,10 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
 }
 
 void Tracker::BeginChapter(const LocalMap& map) {
-  chapter_covariance_.resize(static_cast<std::size_t>(map.chapter) + 1, Matrix6d::Zero());
-  if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
+  if (!map.found_by_depth) {
+    chapter_covariance_.resize(static_cast<std::size_t>(map.chapter) + 1, Matrix6d::Zero());
+    if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
+  }
   StartAt(map.t_ns, map.T_world_ref, VelocitySinceStart(map.t_ns, map.T_world_ref));
   last_found_ns_ = map.t_ns;
   quality_.ForgetUsual();
@@ -317,12 +325,16 @@ bool Tracker::MayMoveUnseen(const Surface& surface) const {
 void Tracker::Begin(const Surface& surface) {
   BeginChapter(*map_);
   if (StartFromRest()) return;
+  StartInMotion(surface);
+  if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
+}
+
+void Tracker::StartInMotion(const Surface& surface) {
   if (const auto read = inertial_.Mean(map_->t_ns, surface.t_edges_ns)) {
     StartAt(map_->t_ns, map_->T_world_ref, VelocityBeside(read->angular_velocity, surface), kSeenSpeed_m_s);
   } else {
     StartAt(map_->t_ns, map_->T_world_ref, TurningWith(surface));
   }
-  if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
 }
 
 Vector6d Tracker::VelocityBeside(const Eigen::Vector3d& turn_event, const Surface& surface) const {

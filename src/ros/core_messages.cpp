@@ -253,6 +253,7 @@ void WriteMessage(Stream& stream, const LocalMap& map) {
   stream.next(map.epoch);
   stream.next(static_cast<std::int32_t>(map.id));
   stream.next(static_cast<std::int32_t>(map.chapter));
+  stream.next(static_cast<std::uint8_t>(map.found_by_depth));
   WritePose(stream, map.T_world_ref);
   WriteArray(stream, map.points);
 }
@@ -262,6 +263,7 @@ void ReadMessage(IStream& stream, LocalMap& map) {
   stream.next(map.epoch);
   stream.next(map.id);
   stream.next(map.chapter);
+  map.found_by_depth = ReadBool(stream);
   map.T_world_ref = ReadPose(stream);
   ReadArray(stream, map.points);
 }

@@ -70,6 +70,38 @@ TEST(DepthKeyframes, APoseThatIsDecimetresOffIsFoundAndConfirmed) {
   EXPECT_TRUE(pose->confirmed);
 }
 
+TEST(DepthKeyframes, APoseOfALostCameraIsFoundHoweverSureItsFalseOneIs) {
+  const Rigid3 truth = Turned(-0.1) * Rigid3::Translation({0.05, 0.02, 0});
+  const Rigid3 half_a_metre_off = truth * Rigid3::Translation({0.3, 0.1, 0.35});
+  const Rigid3 anywhere = truth * Rigid3::Rotation(ExpSO3({0, 2, 0.5})) * Rigid3::Translation({3, 0, 1});
+  for (const bool turn_known : {true, false}) {
+    DepthKeyframes keyframes(DepthRig());
+    keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kFurnishedRoom), ViewAt(Rigid3()));
+    DepthKeyframes::View view = ViewAt(turn_known ? half_a_metre_off : anywhere);
+    view.trusted = false;
+    view.lost = true;
+    view.turn_known = turn_known;
+    view.covariance = std::pow(turn_known ? 0.2 : 0.01, 2) * Matrix6d::Identity();
+    DepthImage image = ImageAt(truth, 0.003, DepthScene::kFurnishedRoom);
+    image.t_ns = 1'000'000'000;
+    const auto pose = keyframes.Align(image, view);
+    ASSERT_TRUE(pose) << turn_known;
+    EXPECT_TRUE(pose->confirmed) << turn_known;
+    EXPECT_LT(Log(truth.inverse() * pose->T_world_event).norm(), 5e-3) << turn_known;
+  }
+}
+
+TEST(DepthKeyframes, OfALostCameraNothingIsSaidThatIsNotConfirmed) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kWall), ViewAt(Rigid3()));
+  DepthKeyframes::View view = ViewAt(Rigid3());
+  view.covariance = Matrix6d::Identity();
+  for (const bool lost : {false, true}) {
+    view.lost = lost;
+    EXPECT_EQ(keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kWall), view).has_value(), !lost);
+  }
+}
+
 TEST(DepthKeyframes, AViewThatReturnsMeetsItsFirstKeyframeAndDoesNotDrift) {
   DepthKeyframes keyframes(DepthRig());
   // Tracking is 2 mm farther off with each step; each new keyframe takes that over.

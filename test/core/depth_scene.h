@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The corner of a room with a box in it, and what a depth camera measures of it: for tests of depth alone.
+// The corner of a room with a box or more in it, and what a depth camera measures of it: for tests of depth alone.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace devo {
 
 inline Camera DepthSceneCamera() { return {320, 240, 260, 260, 158.3, 121.2, "plumb_bob", {0.05, -0.02, 0, 0}}; }
 
-enum class DepthScene { kRoom, kWall };
+enum class DepthScene { kRoom, kWall, kFurnishedRoom };
 
 /// Distance along a ray from `origin`, in units of `direction`; infinite where nothing is met.
 inline double MeetScene(DepthScene scene, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
@@ -29,14 +29,20 @@ inline double MeetScene(DepthScene scene, const Eigen::Vector3d& origin, const E
   if (scene == DepthScene::kWall) return nearest;
   meet((0.9 - origin.y()) / direction.y());   // floor
   meet((-1.2 - origin.x()) / direction.x());  // left wall
-  const Eigen::Vector3d low(0.5, 0.2, 1.4), high(1.1, 0.9, 2.0);
-  double enter = 0, leave = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < 3; ++i) {
-    const double a = (low[i] - origin[i]) / direction[i], b = (high[i] - origin[i]) / direction[i];
-    enter = std::max(enter, std::min(a, b));
-    leave = std::min(leave, std::max(a, b));
-  }
-  if (enter < leave) meet(enter);
+  const auto meet_box = [&](const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+    double enter = 0, leave = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 3; ++i) {
+      const double a = (low[i] - origin[i]) / direction[i], b = (high[i] - origin[i]) / direction[i];
+      enter = std::max(enter, std::min(a, b));
+      leave = std::min(leave, std::max(a, b));
+    }
+    if (enter < leave) meet(enter);
+  };
+  meet_box({0.5, 0.2, 1.4}, {1.1, 0.9, 2.0});
+  if (scene == DepthScene::kRoom) return nearest;
+  meet_box({-0.9, -0.1, 1.7}, {-0.4, 0.9, 2.5});
+  meet_box({-0.3, -0.9, 2.1}, {0.8, -0.4, 2.5});
+  meet_box({0.9, -0.3, 1.9}, {1.6, 0.9, 2.5});
   return nearest;
 }
 

@@ -520,6 +520,31 @@ TEST(Mapper, SaysWhereTheCameraWasByTheDepthImageOfTheFirstMapWhereMoreThanEvent
   }
 }
 
+TEST(Mapper, GoesOnWhereDepthFindsACameraThatIsLost) {
+  Mapper mapper(RoomRig(), OdometryOptions());
+  const auto add = [&](int k, const Rigid3& truth, const PoseEstimate& pose) {
+    mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
+    if (k > 1) mapper.AddPose(pose);
+    mapper.AddDepth({100 * k * kMs, DepthSeen(truth, 0.002, DepthScene::kRoom, k)});
+    return mapper.Update();
+  };
+  for (int k = 1; k <= 3; ++k) add(k, Rigid3(), PoseAt(100 * k * kMs));
+  const Rigid3 truth = Rigid3::Translation({0.05, 0.02, -0.05});
+  PoseEstimate lost = PoseAt(1000 * kMs, truth * Rigid3::Translation({0.4, 0, 0.2}));
+  lost.state = TrackingState::kLost;
+  lost.velocity_of_poses = false;
+  lost.covariance_event = std::pow(0.2, 2) * Matrix6d::Identity();
+  const auto map = add(10, truth, lost);
+  ASSERT_TRUE(map);
+  EXPECT_TRUE(map->found_by_depth);
+  EXPECT_EQ(map->chapter, 0);
+  EXPECT_EQ(map->t_ns, 1000 * kMs);
+  EXPECT_LT(Log(truth.inverse() * map->T_world_ref).norm(), 5e-3);
+  const auto next = add(11, truth, PoseAt(1100 * kMs, truth * Rigid3::Translation({0.2, 0, 0})));
+  ASSERT_TRUE(next);
+  EXPECT_FALSE(next->found_by_depth);
+}
+
 TEST(Mapper, LeavesOutADepthImageThatComesAgainWithAnotherStamp) {
   Mapper mapper(RoomRig(), OdometryOptions());
   DepthImage depth;

@@ -195,6 +195,7 @@ TEST(CoreMessages, ALocalMapReadAsItsMessageHasTheSameContent) {
   map.epoch = 1;
   map.id = 17;
   map.chapter = 3;
+  map.found_by_depth = true;
   map.T_world_ref = Rigid3::Translation({0, 0, 2});
   map.points.resize(3);
   map.points[2].p_ref = {1, 2, 3};
@@ -205,6 +206,7 @@ TEST(CoreMessages, ALocalMapReadAsItsMessageHasTheSameContent) {
   const auto bytes = Bytes(map);
   const auto message = FromBytes<SemiDenseMap>(bytes);
   EXPECT_EQ(message.id, 17);
+  EXPECT_TRUE(message.found_by_depth);
   EXPECT_DOUBLE_EQ(message.T_world_ref.position.z, 2);
   ASSERT_EQ(message.points.size(), 3U);
   EXPECT_FLOAT_EQ(message.points[2].p_ref[2], 3);

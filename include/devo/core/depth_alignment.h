@@ -52,6 +52,13 @@ class DepthAligner {
   std::optional<Result> Align(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
                               Reach reach = Reach::kNear) const;
 
+  struct Guess {
+    Rigid3 T_ref_depth;
+    double fit;  ///< share of the cells with a normal, where the reference has readings, that lie on its surfaces, 0..1
+  };
+  /// As Align from afar, with a part of the cells, to a centimetre or two; where directions are open it ends anywhere.
+  std::optional<Guess> AlignCoarsely(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth) const;
+
  private:
   /// A pixel that is read, its viewing ray (x, y, 1) and the cell that it counts in.
   struct Sample {
@@ -64,6 +71,9 @@ class DepthAligner {
   void AddNormals(DepthCells* cells) const;
   Equations Linearise(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth, double sigma_m,
                       std::size_t step) const;
+  /// The same, solved; empty where too little overlaps.
+  std::optional<Equations> Step(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth, double sigma_m,
+                                std::size_t step) const;
 
   /// Takes the directions that only noise constrains out of the information; returns the projection on the others.
   Matrix6d LeaveOpen(const Matrix6d& H, double depth_m, double sigma_m, Result* result) const;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <vector>
 
 #include "devo/core/depth_alignment.h"
 #include "devo/core/depth_continuity.h"
@@ -31,14 +32,17 @@ class DepthKeyframes {
     double delay_s = 0;                          ///< by how much events are taken to be later than depth images
     double delay_sigma_s = 0;                    ///< of that
     int chapter = 0;
+    bool lost = false;                       ///< the camera may be anywhere, whatever is stated of its pose
+    bool turn_known = false;                 ///< but an inertial sensor has followed its rotation
     bool trusted = false;                    ///< the image may become a keyframe
     Matrix6d covariance = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] of T_world_event, m and rad
   };
 
   /// Aligns an image to the keyframe that shows most of it, and keeps it when none shows enough. Empty where nothing
   /// overlaps, or where the depth camera seems to see otherwise than before: then, once that is certain, all keyframes
-  /// are forgotten. `t_ns` and `epoch` of the result are the caller's to fill in. Throws std::invalid_argument when the
-  /// image has not the depth camera's size.
+  /// are forgotten. Of a lost camera the place is searched for, for tenths of a second, a few times in a second; a pose
+  /// that is not confirmed is none then. `t_ns` and `epoch` of the result are the caller's to fill in. Throws
+  /// std::invalid_argument when the image has not the depth camera's size.
   std::optional<DepthPose> Align(const DepthImage& depth, const View& view);
 
   /// Keeps the image of the first map, which is aligned to none, at a pose that is known to millimetres and
@@ -74,13 +78,18 @@ class DepthKeyframes {
   void TryOthers(const DepthCells& now, const View& view, Match* best) const;
   /// The last ones whose view may overlap the image's, were its pose decimetres off.
   Match FindFar(const DepthCells& now, const View& view) const;
+  /// Of a lost camera, without what was thought of where it is.
+  std::optional<Found> Search(const DepthCells& now, const View& view) const;
+  /// For a search around what is thought where the rotation is still known, else around the keyframe's own view. Empty
+  /// where that view is too far off.
+  std::vector<Rigid3> StartsFor(const Keyframe& keyframe, const View& view) const;
   /// Takes it where more of the image overlaps than with the best.
   void Try(std::size_t index, Reach reach, const DepthCells& now, const View& view, Match* best) const;
   bool MayOverlap(const Keyframe& keyframe, Reach reach, const View& view) const;
   std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, Reach reach, const DepthCells& now,
                                               const View& view) const;
   DepthPose MakePose(const Match& match, const View& view) const;
-  /// Whether an alignment that contradicts the view's pose, in all directions, ends where one from the other side does.
+  /// Whether an alignment that tells all directions ends where one from the other side does.
   bool IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now, const View& view) const;
   void Keep(DepthCells cells, const View& view);
   DepthContinuity::Verdict Judge(const Match& match, const DepthPose& pose, const View& view, std::int64_t t_ns);
@@ -91,6 +100,7 @@ class DepthKeyframes {
   std::deque<Keyframe> keyframes_;
   int current_ = -1;
   std::uint64_t calls_ = 0, jumps_ = 0;
+  std::int64_t searched_ns_ = 0;
   DepthContinuity continuity_;  // of the images compared with current_ while tracking is trusted
 };
 

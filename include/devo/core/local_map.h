@@ -30,6 +30,8 @@ struct LocalMap {
   std::uint64_t epoch = 0;
   int id = 0;       ///< counts local maps, 0 is the first
   int chapter = 0;  ///< counts beginnings: where tracking was lost for good, a new map began at a guessed pose
+  /// Tracking was lost, and depth told where this view is: it begins anew there, whatever was thought before.
+  bool found_by_depth = false;
   Rigid3 T_world_ref;
   std::vector<MapPoint> points;
 };

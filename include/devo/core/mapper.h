@@ -122,6 +122,8 @@ class Mapper {
   bool MovedSinceReference(const Rigid3& T_world_event) const;
   double MedianDepth() const;  // m; a guess before it is known
   bool ViewMoved() const;
+  /// The map goes on with all that is seen from there. Returns whether there were enough edges with depth for it.
+  bool BeginWhereFound(const Surface& surface, const Rigid3& T_world_event);
   /// Returns whether there were enough edges with depth for it.
   bool BeginChapter(const Surface& surface, const Rigid3& T_world_event);
   MapPoint MakePoint(const EdgePoint& edge, float z_m, double window_s) const;
@@ -152,7 +154,8 @@ class Mapper {
   bool velocity_of_poses_ = false;
   Matrix6d covariance_ = Matrix6d::Zero();  // of the newest pose
   bool sure_ = false;                       // of the newest pose: the map may grow from it where nothing was measured
-  bool trackable_ = false, begin_chapter_ = false;
+  bool trackable_ = false, lost_ = false, begin_chapter_ = false;
+  bool found_by_depth_ = false;                     // the last depth image told where the camera is, that was lost
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
   Rigid3 T_world_refined_;                          // view that refined the map last

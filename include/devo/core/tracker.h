@@ -63,9 +63,14 @@ class Tracker {
   void Reset();
 
  private:
-  /// Starts at the first map, `surface` being the first after it: as fast as is known from a rest before, or else
-  /// as the surfaces since show beside a gyroscope's turn, or, without one, turning as the surface's events say.
+  /// Starts at the first map, `surface` being the first after it: as fast as is known from a rest before, or else as
+  /// StartInMotion.
   void Begin(const Surface& surface);
+  /// Starts at the map, `surface` being the first after it: as fast as the surfaces since show beside a gyroscope's
+  /// turn, or, without one, turning as the surface's events say.
+  void StartInMotion(const Surface& surface);
+  /// Starts at a map that does not go on from the poses before it.
+  void BeginAnew();
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where it did not, or not all of it was read.
   bool StartFromRest();

@@ -53,6 +53,7 @@ DepthKeyframes::DepthKeyframes(const Rig& rig, const MappingOptions& options)
 void DepthKeyframes::Clear() {
   keyframes_.clear();
   current_ = -1;
+  searched_ns_ = 0;
   continuity_.Reset();
 }
 
@@ -142,6 +143,15 @@ std::vector<Rigid3> DepthKeyframes::StartsFor(const Keyframe& keyframe, const Vi
                        LargestSigma(view.covariance.topLeftCorner<3, 3>()));
 }
 
+std::optional<DepthKeyframes::Found> DepthKeyframes::FindLost(const DepthCells& now, const View& view,
+                                                              std::int64_t t_ns) {
+  const auto found = Find(now, view);
+  if (found && found->pose.confirmed) return found;
+  if (SecondsFromNs(t_ns - searched_ns_) < kSearchEvery_s) return std::nullopt;
+  searched_ns_ = t_ns;
+  return Search(now, view);
+}
+
 std::optional<DepthKeyframes::Found> DepthKeyframes::Search(const DepthCells& now, const View& view) const {
   int tried = 0;
   for (std::size_t i = keyframes_.size(); i-- > 0 && tried < kMaxTried;) {
@@ -227,14 +237,7 @@ DepthContinuity::Verdict DepthKeyframes::Judge(const Match& match, const DepthPo
 std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const View& view) {
   ++calls_;
   DepthCells now = aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m);
-  auto found = Find(now, view);
-  if (view.lost && !(found && found->pose.confirmed)) {
-    found.reset();
-    if (SecondsFromNs(depth.t_ns - searched_ns_) >= kSearchEvery_s) {
-      searched_ns_ = depth.t_ns;
-      found = Search(now, view);
-    }
-  }
+  auto found = view.lost ? FindLost(now, view, depth.t_ns) : Find(now, view);
   if (found) {
     const DepthContinuity::Verdict verdict = Judge(found->match, found->pose, view, depth.t_ns);
     if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;

@@ -174,15 +174,17 @@ bool Mapper::UpdateFromDepth() {
     const auto T_moved_world = AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
+    bool added = false;
     if (T_moved_world && apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
       if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
       const bool first = map_.empty();
-      changed |= Process(depth, surface, *T_moved_world, &counters_);
+      added = Process(depth, surface, *T_moved_world, &counters_);
       if (first && !map_.empty()) first_depth_ = {depth, false};
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
-    found_by_depth_ = found_by_depth_ && changed;
+    changed |= added;
+    found_by_depth_ = found_by_depth_ && added;
     if (found_by_depth_) break;  // poses are to begin anew
   }
   return changed;
@@ -305,7 +307,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     occluder_.reset();
   }
   if (surface->still || (map_.empty() && surface->maybe_noise)) return false;
-  if (found_by_depth_) return BeginWhereFound(*surface, T_world_event);
+  if (found_by_depth_) return AddAll(*surface, T_world_event);
   if (begin_chapter_) return BeginChapter(*surface, T_world_event);
   if (!map_.empty() && !trackable_) return false;
 
@@ -313,7 +315,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     if (!map_.empty() && !MovedSinceReference(T_world_event)) return false;
     const auto previous = map_;
     map_.Clear();
-    if (AddReference(*surface, T_world_event, std::vector<bool>(surface->edges.size(), false))) return true;
+    if (AddAll(*surface, T_world_event)) return true;
     map_ = previous;
     return false;
   }
@@ -387,15 +389,10 @@ bool Mapper::GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_eve
   return true;
 }
 
-bool Mapper::BeginWhereFound(const Surface& surface, const Rigid3& T_world_event) {
-  found_by_depth_ = AddReference(surface, T_world_event, std::vector<bool>(surface.edges.size(), false));
-  return found_by_depth_;
-}
-
 bool Mapper::BeginChapter(const Surface& surface, const Rigid3& T_world_event) {
   const int left = map_.chapter();
   map_.BeginChapter();
-  if (AddReference(surface, T_world_event, std::vector<bool>(surface.edges.size(), false))) return true;
+  if (AddAll(surface, T_world_event)) return true;
   map_.ReturnTo(left);
   return false;
 }
@@ -404,6 +401,10 @@ bool Mapper::MovedSinceReference(const Rigid3& T_world_event) const {
   const Rigid3 T_ref_event = map_.references().back().T_world_ref.inverse() * T_world_event;
   return T_ref_event.translation().norm() > options_.mapping.new_reference_distance_m ||
          RotationAngle(T_ref_event) > options_.mapping.new_reference_angle_rad;
+}
+
+bool Mapper::AddAll(const Surface& surface, const Rigid3& T_world_event) {
+  return AddReference(surface, T_world_event, std::vector<bool>(surface.edges.size(), false));
 }
 
 bool Mapper::AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained) {

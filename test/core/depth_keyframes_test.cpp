@@ -91,6 +91,21 @@ TEST(DepthKeyframes, APoseOfALostCameraIsFoundHoweverSureItsFalseOneIs) {
   }
 }
 
+TEST(DepthKeyframes, ALostCameraIsSearchedForAgainAfterTimeWentBack) {
+  DepthKeyframes keyframes(DepthRig());
+  DepthKeyframes::View lost = ViewAt(Rigid3::Translation({0.3, 0.1, 0.35}));
+  lost.trusted = false;
+  lost.lost = lost.turn_known = true;
+  lost.covariance = std::pow(0.2, 2) * Matrix6d::Identity();
+  for (const std::int64_t t_s : {10, 1}) {
+    keyframes.Clear();
+    keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kFurnishedRoom), ViewAt(Rigid3()));
+    DepthImage image = ImageAt(Rigid3(), 0.003, DepthScene::kFurnishedRoom);
+    image.t_ns = t_s * 1'000'000'000;
+    EXPECT_TRUE(keyframes.Align(image, lost)) << t_s;
+  }
+}
+
 TEST(DepthKeyframes, OfALostCameraNothingIsSaidThatIsNotConfirmed) {
   DepthKeyframes keyframes(DepthRig());
   keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kWall), ViewAt(Rigid3()));

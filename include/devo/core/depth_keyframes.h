@@ -78,7 +78,9 @@ class DepthKeyframes {
   void TryOthers(const DepthCells& now, const View& view, Match* best) const;
   /// The last ones whose view may overlap the image's, were its pose decimetres off.
   Match FindFar(const DepthCells& now, const View& view) const;
-  /// Of a lost camera, without what was thought of where it is.
+  /// Of a lost camera: what is confirmed by Find, else by a search, if it is time for one.
+  std::optional<Found> FindLost(const DepthCells& now, const View& view, std::int64_t t_ns);
+  /// Without what was thought of where the camera is.
   std::optional<Found> Search(const DepthCells& now, const View& view) const;
   /// For a search around what is thought where the rotation is still known, else around the keyframe's own view. Empty
   /// where that view is too far off.

@@ -103,7 +103,10 @@ class Mapper {
   /// Puts what it adds to the map where tracking will be after `T_moved_world`: from where it was, the map would pull
   /// poses back. `of_depth`: where the image is counted.
   bool Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world, Counters* of_depth);
+  /// A reference of the edges that the map does not explain. Returns whether there were enough with depth for it.
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
+  /// The same of all edges, whatever the map has.
+  bool AddAll(const Surface& surface, const Rigid3& T_world_event);
   /// The map's points in a surface: which ones meet edges, and where. Returns those that are visible.
   std::vector<ReferenceMap::Visible> Observe(const Surface& surface, const Rigid3& T_world_event);
   /// The newest surface, where depth images come too seldom for the map to be observed with them alone. Returns whether
@@ -122,8 +125,6 @@ class Mapper {
   bool MovedSinceReference(const Rigid3& T_world_event) const;
   double MedianDepth() const;  // m; a guess before it is known
   bool ViewMoved() const;
-  /// The map goes on with all that is seen from there. Returns whether there were enough edges with depth for it.
-  bool BeginWhereFound(const Surface& surface, const Rigid3& T_world_event);
   /// Returns whether there were enough edges with depth for it.
   bool BeginChapter(const Surface& surface, const Rigid3& T_world_event);
   MapPoint MakePoint(const EdgePoint& edge, float z_m, double window_s) const;

@@ -11,11 +11,10 @@ namespace {
 
 /// As far as `t_ns`, which is within the step or its end; nothing is measured there.
 void Follow(const MotionPast::Step& step, std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion) {
-  const auto read = ReadSince(*motion, t_ns, inertial);
   if (step.kind == MotionPast::Kind::kStill) {
-    motion->HoldStill(t_ns, read);
-  } else if (step.inertial && read) {
-    motion->Advance(t_ns, *read);
+    motion->HoldStill(t_ns, ReadSince(*motion, t_ns, inertial));
+  } else if (step.inertial && AdvanceTo(t_ns, inertial, motion)) {
+    return;
   } else if (step.kind == MotionPast::Kind::kCoasting) {
     motion->Coast(t_ns);
   } else {
@@ -28,6 +27,18 @@ void Follow(const MotionPast::Step& step, std::int64_t t_ns, const InertialBuffe
 std::optional<InertialMean> ReadSince(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial) {
   const std::int64_t delay_ns = NsFromSeconds(motion.delay_s());
   return inertial.Mean(motion.time_ns() - delay_ns, t_ns - delay_ns);
+}
+
+bool AdvanceTo(std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion) {
+  const auto read = ReadSince(*motion, t_ns, inertial);
+  if (read) motion->Advance(t_ns, *read);
+  return read.has_value();
+}
+
+MotionFilter::Prediction PredictAt(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial) {
+  MotionFilter ahead = motion;
+  AdvanceTo(t_ns, inertial, &ahead);
+  return ahead.Predict(t_ns);
 }
 
 void MotionPast::Note(const MotionFilter& before, const Step& step) {

@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "devo/core/time.h"
 #include "edge_nearness.h"
 
 namespace devo {
 namespace {
 
+// A motion is taken to be even for so long; a first look shows too little.
+constexpr double kLeastLook_s = 1e-3, kLongestLook_s = 0.05;
 constexpr std::size_t kPoints = 400;  // of the map, spread over it
 constexpr std::size_t kLeastPoints = 100;
 constexpr double kFastest_m_s = 1.5;
@@ -98,6 +101,14 @@ Eigen::Vector3d Climb(const Tries& tries, Eigen::Vector3d velocity, double step)
 }
 
 }  // namespace
+
+std::optional<StartView> ViewSince(const LocalMap& map, const Surface& surface, const InertialBuffer& inertial) {
+  const double since_s = SecondsFromNs(surface.t_edges_ns - map.t_ns);
+  if (surface.epoch != map.epoch || since_s < kLeastLook_s || since_s > kLongestLook_s) return std::nullopt;
+  const auto read = inertial.Mean(map.t_ns, surface.t_edges_ns);
+  if (!read) return std::nullopt;
+  return StartView{&surface, since_s, ExpSO3(since_s * read->angular_velocity).toRotationMatrix()};
+}
 
 Eigen::Vector3d FindStartVelocity(const LocalMap& map, const std::vector<StartView>& views, const Camera& undistorted) {
   if (views.empty() || views.front().surface->nearest_edge.empty()) return Eigen::Vector3d::Zero();

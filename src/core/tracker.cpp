@@ -9,6 +9,7 @@
 
 #include "devo/core/alignment.h"
 #include "devo/core/depth_image.h"
+#include "devo/core/start_from_rest.h"
 #include "devo/core/start_velocity.h"
 #include "devo/core/time.h"
 
@@ -66,36 +67,12 @@ constexpr double kDelaySpread = 0.5;
 // An inertial sensor averages what each alignment errs by itself: errors of poses that it guides grow less than by how
 // far points miss their edges.
 constexpr double kGuidedExponent = 0.7;
-constexpr double kMaxCoast_s = 1;
-// Where a motion turns round slowly, events become too few to see it, for a moment. Longer than that no velocity is
-// trusted that may be an error of a camera at rest.
-constexpr double kMaxUnseen_s = 0.15, kSlow_m_s = 0.1;  // also in rad/s
-// Slower than this, a camera whose events end stands. Also in rad/s.
-constexpr double kStopping_m_s = 0.05, kInertialStopping_m_s = 0.01;
-// Square of the velocity over its standard deviation. Less is asked where edges would hardly show it: that there are no
-// events says little against it then. Where an accelerometer knows it, it is as small as noise once the camera stands.
-constexpr double kClearlyMoving = 50, kInertialClearlyMoving = 15, kKnownMoving = 2, kHiddenMoving = 4;
-
 // Where a motion begins slowly, or few edges show it, this long passes before events tell that a rest is over. An
 // inertial sensor that was held to stand meanwhile would lead on without the velocity that it missed.
 constexpr double kBeginsUnseen_s = 0.2;
 
-// A motion that begins with the first map is taken to be even for so long; a first look shows too little.
-constexpr double kLeastLook_s = 1e-3, kLongestLook_s = 0.05;
 // The velocity that is found so, where few edges show one direction of it.
 constexpr double kSeenSpeed_m_s = 1;
-
-// From a rest to the first map: beyond, errors of the accelerometer have grown to what is guessed anyway.
-constexpr double kLongestFromRest_s = 3;
-constexpr std::int64_t kRestStep_ns = 10'000'000, kUsedOfRest_ns = 1'000'000'000;
-
-bool IsBelow(const Vector6d& velocity, double limit) {
-  return velocity.head<3>().norm() < limit && velocity.tail<3>().norm() < limit;
-}
-
-bool MovesClearly(const MotionFilter::Prediction& now, double least_square) {
-  return NormalisedSquare(now.velocity_event, now.velocity_covariance) > least_square;
-}
 
 /// The velocity [v; omega] of a camera that turns as its events say.
 Vector6d TurningWith(const Surface& surface) {
@@ -104,22 +81,17 @@ Vector6d TurningWith(const Surface& surface) {
   return velocity;
 }
 
-/// Not about to stand, as far as is known.
-bool MayMove(const MotionFilter::Prediction& now) {
-  return !IsBelow(now.velocity_event, kStopping_m_s) || MovesClearly(now, kClearlyMoving);
-}
-
 }  // namespace
 
 Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
     : options_(options), camera_(event_camera.Undistorted()), motion_(options.tracking),
-      activity_(options.surface.rate_hz, options.surface.still_activity_hz), relocalizer_(camera_, options),
+      standstill_(options.surface.rate_hz, options.surface.still_activity_hz), relocalizer_(camera_, options),
       quality_(options.surface.rate_hz) {}
 
 void Tracker::SetOptions(const OdometryOptions& options) {
   options_ = options;
   motion_.SetOptions(options.tracking);
-  activity_.SetRates(options.surface.rate_hz, options.surface.still_activity_hz);
+  standstill_.SetRates(options.surface.rate_hz, options.surface.still_activity_hz);
   relocalizer_.SetOptions(options);
   quality_.SetRate(options.surface.rate_hz);
 }
@@ -133,10 +105,14 @@ void Tracker::SetMap(LocalMapPtr map) {
 }
 
 void Tracker::BeginAnew() {
-  BeginChapter(*map_);
+  NoteNewView();
   const auto first = std::find_if(waiting_.begin(), waiting_.end(),
                                   [this](const SurfacePtr& surface) { return surface->t_edges_ns > map_->t_ns; });
-  if (first != waiting_.end()) StartInMotion(**first);
+  if (first != waiting_.end()) {
+    StartInMotion(**first);
+  } else {
+    StartAt(map_->t_ns, map_->T_world_ref, VelocitySinceStart(map_->t_ns, map_->T_world_ref));
+  }
 }
 
 void Tracker::AddDepthPose(const DepthPose& depth) {
@@ -145,7 +121,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   if (!then) return;
   const Rigid3 T_world_then = then->pose();
   Matrix6d covariance = then->pose_covariance();
-  if (held_) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
+  if (held()) covariance *= std::min(1.0, kHeld_m * kHeld_m / covariance.diagonal().head<3>().maxCoeff());
   DepthFusion::Estimate estimate;
   estimate.T_world_event = T_world_then;
   estimate.covariance = covariance;
@@ -155,9 +131,9 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   estimate.doubtful = quality_.suspicious_in_a_row() > 0;
   const auto correction = depth_fusion_.Correct(depth, estimate);
   const bool was_false = correction && correction->widened > 1;
-  if (was_false && !held_ && GoesAstrayAgain(depth.t_ns)) {
+  if (was_false && !held() && GoesAstrayAgain(depth.t_ns)) {
     StartByDepth(depth, depth_fusion_.velocity_event());
-  } else if (correction && !held_) {
+  } else if (correction && !held()) {
     using Since = MotionPast::Since;
     // Along an inertial sensor's readings, a pose goes astray with its velocity and with what is taken for gravity.
     if (inertial_prior_) {
@@ -183,32 +159,29 @@ void Tracker::StartByDepth(const DepthPose& depth, const Vector6d& velocity_even
   coasted_ = true;
 }
 
-bool Tracker::IsSeenMoving() const { return held_ && depth_fusion_.SawMotionSince(held_since_ns_); }
+bool Tracker::IsSeenMoving() const { return held() && depth_fusion_.SawMotionSince(standstill_.held_since_ns()); }
 
 void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
-  const bool by_events = !held_ && !coasting_ && state_ != TrackingState::kLost;
+  const bool by_events = !held() && !standstill_.coasting() && state_ != TrackingState::kLost;
   if (by_events) T_world_by_depth_ = T_world_now;
   const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
-  const bool inertial = coasting_ && inertial_prior_ && state_ != TrackingState::kLost;
+  const bool inertial = standstill_.coasting() && inertial_prior_ && state_ != TrackingState::kLost;
   const int least = inertial ? kInertialContradictions : kContradictions;
   if (sure_of_events || (depth_fusion_.contradictions() < least && !IsSeenMoving())) return;
   // What two images span of the motion before a standstill says nothing of now.
   const std::int64_t since_ns = depth_fusion_.velocity_since_ns();
-  const bool of_now = !held_ || static_cast<double>(last_events_ns_ - since_ns) <=
-                                    kMaxBefore * static_cast<double>(depth.t_ns - since_ns);
+  const bool of_now = !held() || static_cast<double>(standstill_.last_events_ns() - since_ns) <=
+                                     kMaxBefore * static_cast<double>(depth.t_ns - since_ns);
   StartByDepth(depth, of_now ? depth_fusion_.velocity_event() : Vector6d(Vector6d::Zero()));
-  last_active_ns_ = motion_.time_ns();
-  missing_ = true;
-  held_ = false;
+  standstill_.MoveOn(motion_.time_ns());
 }
 
-void Tracker::BeginChapter(const LocalMap& map) {
-  if (!map.found_by_depth) {
-    chapter_covariance_.resize(static_cast<std::size_t>(map.chapter) + 1, Matrix6d::Zero());
+void Tracker::NoteNewView() {
+  if (!map_->found_by_depth) {
+    chapter_covariance_.resize(static_cast<std::size_t>(map_->chapter) + 1, Matrix6d::Zero());
     if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
   }
-  StartAt(map.t_ns, map.T_world_ref, VelocitySinceStart(map.t_ns, map.T_world_ref));
-  last_found_ns_ = map.t_ns;
+  last_found_ns_ = map_->t_ns;
   quality_.ForgetUsual();
   begun_ = coasted_ = unsure_ = follow_ = true;
 }
@@ -224,10 +197,14 @@ Vector6d Tracker::VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_ev
 void Tracker::StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity,
                       double speed_sigma_m_s) {
   motion_.Start(t_ns, T_world_event, velocity, speed_sigma_m_s);
+  NoteStart();
+}
+
+void Tracker::NoteStart() {
   past_.Clear();
   history_.Clear();
-  started_ns_ = t_ns;
-  T_world_started_ = T_world_event;
+  started_ns_ = motion_.time_ns();
+  T_world_started_ = motion_.pose();
   rested_.clear();
   anew_ = true;
 }
@@ -238,7 +215,7 @@ void Tracker::Reset() {
   past_.Clear();
   history_.Clear();
   depth_fusion_.Reset();
-  held_ = coasting_ = false;
+  standstill_.Clear();
   T_world_by_depth_.reset();
   inertial_.Clear();
   trial_ = {};
@@ -247,12 +224,11 @@ void Tracker::Reset() {
   state_ = TrackingState::kInitialising;
   quality_.Reset();
   residual_scale_ = ResidualScale();
-  missing_ = coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = anew_ = false;
+  coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = anew_ = false;
   chapter_covariance_.clear();
   rested_.clear();
   started_ns_ = searched_ns_ = 0;
   T_world_started_ = Rigid3();
-  activity_.Clear();
 }
 
 int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.surface.rate_hz); }
@@ -276,23 +252,16 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   pose.t_ns = surface.t_ns;
   pose.epoch = surface.epoch;
   pose.reference_id = map_->id;
-  const double unseen_s = SecondsFromNs(surface.t_ns - last_active_ns_);
-  // Once it is held, only events end it, or depth that says otherwise: noise of an inertial sensor would not.
   const bool still = surface.still || IsNoise(surface);
-  const bool free = still && !held_;
-  const bool may_move = free && (unseen_s < kMaxCoast_s || TurnsUnseen(surface.t_edges_ns));
-  // Depth that agrees measures the motion on, however long events are missing.
-  const bool by_depth = free && missing_ && depth_fusion_.AgreedWithin(kMaxCoast_s, surface.t_ns);
-  missing_ = (may_move || by_depth) && (missing_ || activity_.EndedSuddenly()) && MayMoveUnseen(surface);
-  coasting_ = missing_ || (may_move && IsMoving(surface, unseen_s));
-  if (!held_) held_since_ns_ = surface.t_edges_ns;
-  if (std::exchange(held_, still && !coasting_) && !still) LeaveRest();
+  const bool rested = held();
+  const MotionPast::Kind kind = standstill_.Judge(surface, still, Known());
+  if (rested && !still) LeaveRest();
   if (surface.t_edges_ns > motion_.time_ns()) {
     const MotionFilter before = motion_;
     step_ = {surface.t_edges_ns};
-    if (!still) {
+    if (kind == MotionPast::Kind::kMoving) {
       Register(surface, &pose);
-    } else if (coasting_) {
+    } else if (kind == MotionPast::Kind::kCoasting) {
       Coast(surface.t_edges_ns, &pose);
     } else {
       HoldStill(surface.t_edges_ns, &pose);
@@ -312,19 +281,13 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     pose.earlier = std::exchange(rested_, {});
     pose.earlier.push_back({started_ns_, T_world_started_});
   }
-  ContinueToNow(held_, &pose);
+  ContinueToNow(&pose);
   return pose;
 }
 
-bool Tracker::MayMoveUnseen(const Surface& surface) const {
-  const auto now = PredictAt(std::max(surface.t_edges_ns, motion_.time_ns()));
-  // Where noise shows, so does what moves fast.
-  return MayMove(now) && !(surface.noise_goes_on && activity_.WouldShow(Flow(now.velocity_event)));
-}
-
 void Tracker::Begin(const Surface& surface) {
-  BeginChapter(*map_);
-  if (StartFromRest()) return;
+  NoteNewView();
+  if (BeginFromRest()) return;
   StartInMotion(surface);
   if (const auto push = inertial_.MeanPush(map_->t_ns)) motion_.LearnGravity(push->force, push->span_s);
 }
@@ -340,10 +303,7 @@ void Tracker::StartInMotion(const Surface& surface) {
 Vector6d Tracker::VelocityBeside(const Eigen::Vector3d& turn_event, const Surface& surface) const {
   std::vector<StartView> views;
   const auto look_at = [&](const Surface& seen) {
-    const double since_s = SecondsFromNs(seen.t_edges_ns - map_->t_ns);
-    if (seen.epoch != map_->epoch || since_s < kLeastLook_s || since_s > kLongestLook_s) return;
-    const auto read = inertial_.Mean(map_->t_ns, seen.t_edges_ns);
-    if (read) views.push_back({&seen, since_s, ExpSO3(since_s * read->angular_velocity).toRotationMatrix()});
+    if (const auto view = ViewSince(*map_, seen, inertial_)) views.push_back(*view);
   };
   for (const SurfacePtr& waiting : waiting_) look_at(*waiting);
   if (views.empty()) look_at(surface);
@@ -353,33 +313,16 @@ Vector6d Tracker::VelocityBeside(const Eigen::Vector3d& turn_event, const Surfac
   return velocity;
 }
 
-bool Tracker::StartFromRest() {
+bool Tracker::BeginFromRest() {
   const auto rest = rest_.last_rest();
   if (!options_.tracking.ideas.start_from_rest || !rest) return false;
-  if (SecondsFromNs(map_->t_ns - rest->end_ns) > kLongestFromRest_s) return false;
-  const std::int64_t begin_ns = std::max(rest->begin_ns, rest->end_ns - kUsedOfRest_ns);
-  const auto force = inertial_.Mean(begin_ns, std::min(rest->end_ns, map_->t_ns));
-  if (!force || !force->linear_acceleration) return false;
-  MotionFilter motion(options_.tracking);
-  motion.Start(begin_ns, Rigid3());
-  motion.LearnGravity(*force->linear_acceleration, SecondsFromNs(rest->end_ns - begin_ns));
-  while (motion.time_ns() < map_->t_ns) {
-    const std::int64_t t_ns = std::min(motion.time_ns() + kRestStep_ns, map_->t_ns);
-    const auto inertial = inertial_.Mean(motion.time_ns(), t_ns);
-    if (!inertial) return false;
-    if (t_ns <= rest->end_ns) {
-      motion.HoldStill(t_ns, inertial, rest->scatter);
-    } else {
-      motion.Advance(t_ns, *inertial);
-    }
-  }
-  const Rigid3 T_world_rest = map_->T_world_ref * motion.pose().inverse();
-  rested_ = {{begin_ns, T_world_rest}, {std::min(rest->end_ns, map_->t_ns - 1), T_world_rest}};
-  motion.Anchor(map_->T_world_ref);
-  motion_ = motion;
-  past_.Clear();
+  const auto start = FollowFromRest(*rest, *map_, inertial_, options_.tracking);
+  if (!start) return false;
+  motion_ = start->motion;
+  NoteStart();
+  rested_ = start->rested;
   unsure_ = false;
-  last_active_ns_ = map_->t_ns;  // until here it was followed
+  standstill_.FollowedUntil(map_->t_ns);
   return true;
 }
 
@@ -388,28 +331,27 @@ bool Tracker::IsNoise(const Surface& surface) const {
 }
 
 void Tracker::NoteActivity(const Surface& surface, bool still, const PoseEstimate& pose) {
-  const double since_s = SecondsFromNs(surface.t_ns - last_active_ns_);
-  if (!still) last_active_ns_ = last_events_ns_ = surface.t_ns;
+  const double since_s = SecondsFromNs(surface.t_ns - standstill_.last_active_ns());
   const bool known = !still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
-  const double flow_px_s = known ? Flow(SurfaceVelocity()) : 0;
-  activity_.Note(surface.activity_hz, still, flow_px_s);
+  const double flow_px_s = known ? Known().Flow(SurfaceVelocity()) : 0;
+  standstill_.Note(surface, still, flow_px_s);
   if (known) residual_scale_.Note(since_s, pose.mean_residual_px, flow_px_s);
 }
 
-double Tracker::Flow(const Vector6d& velocity_event) const {
-  return FlowAcrossEdges(map_->points, motion_.pose().inverse() * map_->T_world_ref, velocity_event, camera_);
+TrackedMotion Tracker::Known() const {
+  return {motion_, inertial_, depth_fusion_, *map_, camera_, state_ == TrackingState::kLost};
 }
 
-void Tracker::ContinueToNow(bool held, PoseEstimate* pose) const {
+void Tracker::ContinueToNow(PoseEstimate* pose) const {
   pose->t_edges_ns = motion_.time_ns();
   pose->T_world_event_edges = motion_.pose();
   pose->delays = Delays();
   const std::int64_t t_shown_ns = pose->t_ns + NsFromSeconds(pose->delays.event_s);
-  const auto now = held ? motion_.AtRest() : PredictAt(t_shown_ns);
+  const auto now = held() ? motion_.AtRest() : PredictAt(motion_, t_shown_ns, inertial_);
   pose->T_world_event = now.T_world_event;
   pose->velocity_event = SurfaceVelocity();
   pose->velocity_of_poses = !inertial_prior_;
-  if (inertial_prior_ && !held) pose->acceleration_event = motion_.acceleration_event();
+  if (inertial_prior_ && !held()) pose->acceleration_event = motion_.acceleration_event();
   pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
 }
 
@@ -464,20 +406,10 @@ std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
   return pose;
 }
 
-std::optional<InertialMean> Tracker::Inertial(const MotionFilter& motion, std::int64_t t_ns) const {
-  return ReadSince(motion, t_ns, inertial_);
-}
-
-bool Tracker::Advance(std::int64_t t_ns, MotionFilter* motion) const {
-  const auto inertial = Inertial(*motion, t_ns);
-  if (inertial) motion->Advance(t_ns, *inertial);
-  return inertial.has_value();
-}
-
 void Tracker::TryInertial() {
   const bool trusted = state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
   const InertialFit fit = motion_.inertial_fit();
-  const bool used = trial_.Judge({motion_.time_ns(), motion_.pose(), trusted, !held_}, fit.gyroscope, inertial_);
+  const bool used = trial_.Judge({motion_.time_ns(), motion_.pose(), trusted, !held()}, fit.gyroscope, inertial_);
   const bool left_out = inertial_.used() && !used;
   inertial_.SetUsed(used);
   if (!left_out) return;
@@ -500,43 +432,8 @@ InertialFit Tracker::InertialFitNow() const {
 
 bool Tracker::IsLed() const { return inertial_prior_ || depth_fusion_.AgreedWithin(kDepthLeads_s, motion_.time_ns()); }
 
-MotionFilter::Prediction Tracker::PredictAt(std::int64_t t_ns) const {
-  MotionFilter ahead = motion_;
-  Advance(t_ns, &ahead);
-  return ahead.Predict(t_ns);
-}
-
-bool Tracker::TurnsUnseen(std::int64_t t_ns) const {
-  // Of where it is meanwhile, depth says enough.
-  if (!depth_fusion_.AgreedInPartWithin(kMaxCoast_s, t_ns)) return false;
-  if (t_ns <= motion_.time_ns() || !Inertial(motion_, t_ns)) return false;
-  const auto now = PredictAt(t_ns);
-  const Eigen::Vector3d turn = now.velocity_event.tail<3>();
-  const Eigen::Matrix3d covariance = now.velocity_covariance.bottomRightCorner<3, 3>();
-  return turn.dot(covariance.ldlt().solve(turn)) > kInertialClearlyMoving;
-}
-
-bool Tracker::IsMoving(const Surface& surface, double unseen_s) {
-  const std::int64_t t_ns = surface.t_edges_ns;
-  if (state_ == TrackingState::kLost || t_ns <= motion_.time_ns()) return false;
-  const auto now = PredictAt(t_ns);
-  const double flow_px_s = Flow(now.velocity_event);
-  activity_.NoteUnseen(flow_px_s, SecondsFromNs(t_ns - motion_.time_ns()));
-  const bool led = Inertial(motion_, t_ns).has_value();
-  if (activity_.RulesOutMotion() && !(led && motion_.knows_acceleration())) return false;
-  const bool unseen_long = unseen_s > kMaxUnseen_s;
-  // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
-  // inertial sensor has seen it slow down. Where noise shows that no events are missing, it must be sure of that.
-  if (led) {
-    return MovesClearly(now, motion_.knows_acceleration() ? kKnownMoving : kInertialClearlyMoving) ||
-           (!unseen_long && !surface.noise_goes_on && !IsBelow(now.velocity_event, kInertialStopping_m_s));
-  }
-  return MovesClearly(now, activity_.WouldShow(flow_px_s) ? kClearlyMoving : kHiddenMoving) &&
-         !(unseen_long && IsBelow(now.velocity_event, kSlow_m_s));
-}
-
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
-  motion_.HoldStill(t_ns, Inertial(motion_, t_ns));
+  motion_.HoldStill(t_ns, ReadSince(motion_, t_ns, inertial_));
   step_.kind = MotionPast::Kind::kStill;
   pose->inlier_share = 1;
   if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
@@ -545,7 +442,7 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
   if (quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
   step_.kind = MotionPast::Kind::kCoasting;
-  step_.inertial = Advance(t_ns, &motion_);
+  step_.inertial = AdvanceTo(t_ns, inertial_, &motion_);
   if (!step_.inertial) motion_.Coast(t_ns);
   coasted_ = true;
   UpdateState(pose);
@@ -591,7 +488,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // While lost, velocities are guesses: nothing is built on them. Those of an inertial sensor are not, for a while.
   const bool lost = state_ == TrackingState::kLost && !begun_;
   const bool goes_on = lost && SecondsFromNs(surface.t_ns - last_found_ns_) < kInertialCoast_s;
-  inertial_prior_ = (!lost || goes_on) && Advance(surface.t_edges_ns, &motion_);
+  inertial_prior_ = (!lost || goes_on) && AdvanceTo(surface.t_edges_ns, inertial_, &motion_);
   step_.inertial = inertial_prior_;
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.

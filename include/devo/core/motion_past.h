@@ -65,4 +65,10 @@ class MotionPast {
 /// What `inertial` read from the filter's time to this, as late as the filter thinks that events show it.
 std::optional<InertialMean> ReadSince(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial);
 
+/// Moves the filter on to a later time with those readings; false: there are none, and it is left as it was.
+bool AdvanceTo(std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion);
+
+/// With those readings, where there are any.
+MotionFilter::Prediction PredictAt(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial);
+
 }  // namespace devo

@@ -5,11 +5,13 @@
 // on with them.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "devo/core/camera.h"
+#include "devo/core/inertial_buffer.h"
 #include "devo/core/local_map.h"
 #include "devo/core/surface.h"
 
@@ -22,10 +24,13 @@ struct StartView {
   Eigen::Matrix3d R_ref_event;  ///< how the camera has turned since
 };
 
+/// Of `surface`, which is kept by reference, turned as a gyroscope says. Empty where that did not read all of it, or
+/// the edges are too near to the map's time to show a motion, or so far from it that the motion may not be even.
+std::optional<StartView> ViewSince(const LocalMap& map, const Surface& surface, const InertialBuffer& inertial);
+
 /// Velocity (m/s, frame `ref` of the map) of the camera that sees most of the map's points on edges in all views, if it
-/// moves evenly. Zero where none sees clearly more than one that only turns. Views in the order of their time, later
-/// than the map by hundredths of a second, as far apart as the motion may be taken for even. `undistorted`: of the
-/// surfaces' image.
+/// moves evenly. Zero where none sees clearly more than one that only turns. Views in the order of their time.
+/// `undistorted`: of the surfaces' image.
 Eigen::Vector3d FindStartVelocity(const LocalMap& map, const std::vector<StartView>& views, const Camera& undistorted);
 
 }  // namespace devo

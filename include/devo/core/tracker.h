@@ -12,7 +12,6 @@
 #include "devo/core/camera.h"
 #include "devo/core/depth_fusion.h"
 #include "devo/core/depth_pose.h"
-#include "devo/core/event_activity.h"
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/inertial_trial.h"
 #include "devo/core/local_map.h"
@@ -25,6 +24,7 @@
 #include "devo/core/relocalizer.h"
 #include "devo/core/residual_scale.h"
 #include "devo/core/rest_detector.h"
+#include "devo/core/standstill.h"
 #include "devo/core/surface.h"
 
 namespace devo {
@@ -72,17 +72,20 @@ class Tracker {
   /// Starts at a map that does not go on from the poses before it.
   void BeginAnew();
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
-  /// where it did not, or not all of it was read.
-  bool StartFromRest();
+  /// where that is not known.
+  bool BeginFromRest();
   /// [v; omega] at the first map where a gyroscope tells the turn until `surface`, the first after it; m/s and rad/s:
   /// with which the map's points meet the edges of the surfaces since.
   Vector6d VelocityBeside(const Eigen::Vector3d& turn_event, const Surface& surface) const;
-  /// At the pose of its first map; how fast the camera moves is not known.
-  void BeginChapter(const LocalMap& map);
+  /// The map, which has just come, does not go on from the poses before it: nothing of how they matched says anything
+  /// of it, and surfaces since are to be followed through it.
+  void NoteNewView();
   /// From the last start to this pose; zero where that is too long ago, or faster than a camera moves.
   Vector6d VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_event) const;
   void StartAt(std::int64_t t_ns, const Rigid3& T_world_event, const Vector6d& velocity_event,
                double speed_sigma_m_s = MotionFilter::kStartSpeed_m_s);
+  /// The filter starts anew, at its time and pose of now.
+  void NoteStart();
   /// Moved to where depth has it, the pose went astray again until `t_ns`, of the last depth image: its velocity is
   /// false, and depth knows a better.
   bool GoesAstrayAgain(std::int64_t t_ns) const;
@@ -90,9 +93,6 @@ class Tracker {
   void StartByDepth(const DepthPose& depth, const Vector6d& velocity_event);
   /// By depth, since it is held.
   bool IsSeenMoving() const;
-  /// Whether the camera may move as predicted though `surface` has hardly any events: not where it may be about to
-  /// stand, nor where noise shows but not what would move so fast.
-  bool MayMoveUnseen(const Surface& surface) const;
   /// A pose by depth, moved to now, does not fit: without events it is believed when another says so, too.
   void Contradict(const DepthPose& depth, const Rigid3& T_world_now);
   /// Events say that the camera moves, which was held to stand: it began to before they did.
@@ -103,10 +103,11 @@ class Tracker {
   /// a standstill may have: they match nothing of the map.
   bool IsNoise(const Surface& surface) const;
   void NoteActivity(const Surface& surface, bool still, const PoseEstimate& pose);
-  /// Of the map's edges across themselves, px/s, seen from the last pose by a camera of this velocity.
-  double Flow(const Vector6d& velocity_event) const;
-  /// The pose at its time `t_ns`, from that of the edges; `held`: the camera stands still.
-  void ContinueToNow(bool held, PoseEstimate* pose) const;
+  bool held() const { return standstill_.held(); }
+  /// Only where there is a map.
+  TrackedMotion Known() const;
+  /// The pose at its time `t_ns`, from that of the edges.
+  void ContinueToNow(PoseEstimate* pose) const;
   /// By how much events are later than an inertial sensor, s; 0 where that is late, which says nothing of others.
   double DelayAgainstInertial() const;
   SensorDelays Delays() const;
@@ -123,22 +124,12 @@ class Tracker {
   /// Whether a better pose is to be sought than one that matches this share, at the surface of this time; counts as
   /// sought then.
   bool WantsSearch(std::int64_t t_ns, double inlier_share);
-  /// The inertial sensor's readings from the filter's time to this.
-  std::optional<InertialMean> Inertial(const MotionFilter& motion, std::int64_t t_ns) const;
-  /// With those readings; false: there are none.
-  bool Advance(std::int64_t t_ns, MotionFilter* motion) const;
   /// That come in this time, at least one.
   int Surfaces(double span_s) const;
   /// Leaves the inertial sensor out, or takes it back.
   void TryInertial();
   InertialFit InertialFitNow() const;
   bool IsLed() const;  // by an inertial sensor or by depth, where events say little
-  /// With the inertial sensor's readings, where there are any.
-  MotionFilter::Prediction PredictAt(std::int64_t t_ns) const;
-  /// However long events are missing: a gyroscope sees a clear turn, and depth has agreed a moment ago.
-  bool TurnsUnseen(std::int64_t t_ns) const;
-  /// By what is known of its velocity, not by events, of which the surface has too few since `unseen_s`.
-  bool IsMoving(const Surface& surface, double unseen_s);
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   /// `covariance`: of the predicted pose.
@@ -157,17 +148,13 @@ class Tracker {
   RestDetector rest_;  // until tracking starts
   PoseHistory history_;
   DepthFusion depth_fusion_;
-  std::int64_t held_since_ns_ = 0;          // where held_
-  bool held_ = false, coasting_ = false;    // at the last surface: the camera stood still; events were missing
   std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
-  EventActivity activity_;
+  Standstill standstill_;
   Relocalizer relocalizer_;
   MatchQuality quality_;
   ResidualScale residual_scale_;
   std::uint64_t epoch_ = 0;
   TrackingState state_ = TrackingState::kInitialising;
-  std::int64_t last_active_ns_ = 0;           // when the camera was known to move
-  std::int64_t last_events_ns_ = 0;           // when there were enough events for that
   std::int64_t last_found_ns_ = 0;            // when tracking was not lost, or a chapter began
   std::int64_t started_ns_ = 0;               // when motion_ was last started at a known pose
   Rigid3 T_world_started_;                    // that pose
@@ -180,8 +167,7 @@ class Tracker {
   bool begun_ = false;   // a chapter, in which no pose has been found yet
   std::vector<Matrix6d> chapter_covariance_;  // of where each chapter began
   bool inertial_prior_ = false;               // the last surface was predicted with an inertial sensor
-  bool missing_ = false;                      // events ended while moving
-  bool coasted_ = false;                      // and came back, but the pose has not been found yet
+  bool coasted_ = false;                      // events were missing and came back, but the pose has not been found yet
   Rigid3 T_world_before_;                     // last pose before tracking degraded
 };
 

@@ -231,12 +231,12 @@ class Run {
     const std::string& depth_topic = lidar ? config_.topics.points : config_.topics.depth;
     const std::string depth_kind = lidar ? "sweeps" : "depth images";
     const std::string depth = depth_kind + " of topic '" + depth_topic + "' ";
-    Complain(c.events_outside, c.events_in,
+    Complain(c.events.outside, c.events.in,
              events + "lie outside the image, expected x below " + std::to_string(rig_.event_camera.width()) +
                  " and y below " + std::to_string(rig_.event_camera.height()) + " (is event_camera the right one?)");
-    Complain(c.events_unordered, c.events_in,
+    Complain(c.events.unordered, c.events.in,
              events + "are earlier than the one before, expected times that never fall");
-    Complain(report_.depth_unordered, c.depth_in + report_.depth_unordered + report_.depth_skipped_by_rate,
+    Complain(report_.depth_unordered, c.mapping.depth_in + report_.depth_unordered + report_.depth_skipped_by_rate,
              depth + "are not later than the one before, expected stamps that rise");
     const auto warn = [this](std::uint64_t count, const std::string& what) {
       if (count > 0) report_.warnings.push_back(std::to_string(count) + " " + what);
@@ -251,18 +251,19 @@ class Run {
     warn(reader_.left_out().ground_truth_invalid, "poses of topic '" + config_.topics.ground_truth +
                                                       "' are left out, expected finite numbers and a quaternion of "
                                                       "length 1");
-    if (c.depth_without_valid_pixel > 0 && c.depth_used == 0 && report_.error.empty()) {
+    if (c.mapping.depth_without_valid_pixel > 0 && c.mapping.depth_used == 0 && report_.error.empty()) {
       report_.error = std::string("no ") + (lidar ? "sweep" : "image") + " of topic '" + depth_topic + "' (" +
-                      std::to_string(c.depth_in) + ") has a " +
+                      std::to_string(c.mapping.depth_in) + ") has a " +
                       (lidar ? "point in the event camera's view" : "valid pixel") +
                       ", expected readings between mapping.min_depth_m and mapping.max_depth_m";
     }
-    if (c.events_in == 0 && report_.error.empty()) {
+    if (c.events.in == 0 && report_.error.empty()) {
       report_.error = "no events lie in the range that --start and --duration give, expected some of the recording's";
     }
     if (report_.trajectory().empty() && report_.error.empty()) {
-      report_.error = "no pose: " + std::to_string(c.events_in) + " events and " + std::to_string(c.depth_in) + " " +
-                      depth_kind + " made no reference, expected events and depth of the same time and a moving camera";
+      report_.error = "no pose: " + std::to_string(c.events.in) + " events and " + std::to_string(c.mapping.depth_in) +
+                      " " + depth_kind +
+                      " made no reference, expected events and depth of the same time and a moving camera";
     }
     const std::string complaint = devo::Complaint(report_.inertial_fit());
     if (!complaint.empty()) report_.warnings.push_back(complaint);

@@ -242,7 +242,7 @@ bool Mapper::BeginFromRest() {
   if (!options_.mapping.ideas.depth_of_rest) return false;
   for (const SurfacePtr& surface : surfaces_) {
     if (!depth_of_rest_.Fits(*surface)) continue;
-    Counters again;  // the image was counted when it came
+    MappingCounters again;  // the image was counted when it came
     if (!Process(*depth_of_rest_.depth(), surface, Rigid3(), &again)) continue;
     first_depth_ = {*depth_of_rest_.depth(), true};
     return true;
@@ -285,7 +285,7 @@ std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface
 }
 
 bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world,
-                     Counters* of_depth) {
+                     MappingCounters* of_depth) {
   Rigid3 T_world_event, T_surface_depthtime;
   if (!map_.empty()) {
     const auto T_world_surface = poses_.At(surface->t_edges_ns, 0.05), T_world_then = poses_.At(depth.t_ns, 0.05);

@@ -49,7 +49,7 @@ struct Mapped {
   LocalMapPtr map;  // null where it did not change
   std::vector<DepthPose> depth_poses;
   SceneDepth scene_depth;
-  Mapper::Counters counters;
+  MappingCounters counters;
   float ms;
 };
 
@@ -74,9 +74,8 @@ struct Odometry::Impl {
   SurfacePtr surface;                         // the last one
   std::shared_future<Tracked> tracked;
   std::deque<std::future<Mapped>> mapped;  // of the last surfaces, oldest first
-  Mapper::Counters mapper_counters;
+  MappingCounters mapping_counters;
   Timings timings;
-  mutable Counters counters;
   bool threaded;
   TaskThread tracking_thread, mapping_thread;  // last: joined before what they use goes
 };
@@ -153,7 +152,7 @@ void Odometry::TakeMaps(std::size_t but_last) {
     const Mapped mapped = next.get();
     m.timings.mapping_ms.push_back(mapped.ms);
     m.scene_depth = mapped.scene_depth;
-    m.mapper_counters = mapped.counters;
+    m.mapping_counters = mapped.counters;
     for (const DepthPose& pose : mapped.depth_poses) m.tracker.AddDepthPose(pose);
     if (!mapped.map) continue;
     m.tracker.SetMap(mapped.map);
@@ -185,14 +184,6 @@ std::vector<MapPoint> Odometry::GlobalMap() const {
 
 const Odometry::Timings& Odometry::timings() const { return impl_->timings; }
 
-const Odometry::Counters& Odometry::counters() const {
-  const Impl& m = *impl_;
-  const auto& s = m.surfaces.counters();
-  const auto& d = m.mapper_counters;
-  m.counters = {s.in,         s.used,          s.outside,     s.unordered,      d.depth_in,
-                d.depth_used, d.depth_aligned, d.depth_jumps, d.depth_repeated, d.depth_without_valid_pixel,
-                d.references};
-  return m.counters;
-}
+Odometry::Counters Odometry::counters() const { return {impl_->surfaces.counters(), impl_->mapping_counters}; }
 
 }  // namespace devo

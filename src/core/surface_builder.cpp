@@ -169,7 +169,7 @@ struct SurfaceBuilder::Impl {
   std::deque<SightingsOf> sightings_before;  // of the last surfaces, as long as no motion is known
   std::int64_t last_event_ns = std::numeric_limits<std::int64_t>::min();
   std::uint64_t epoch = 0;
-  Counters counters;
+  SurfaceCounters counters;
   SurfacePool pool;
 
   struct Progress {
@@ -189,7 +189,7 @@ SurfaceBuilder::SurfaceBuilder(const Camera& event_camera, const SurfaceOptions&
     : impl_(std::make_unique<Impl>(event_camera, options)) {}
 SurfaceBuilder::~SurfaceBuilder() = default;
 
-const SurfaceBuilder::Counters& SurfaceBuilder::counters() const { return impl_->counters; }
+const SurfaceCounters& SurfaceBuilder::counters() const { return impl_->counters; }
 std::uint64_t SurfaceBuilder::epoch() const { return impl_->epoch; }
 
 void SurfaceBuilder::SetOptions(const SurfaceOptions& options) {

@@ -122,25 +122,25 @@ std::string RunReport::ToJson() const {
     json["lost_intervals"].push_back(
         {{"begin_s", SecondsFromNs(lost.begin_ns)}, {"end_s", SecondsFromNs(lost.end_ns)}});
   }
-  json["references"] = counters.references;
+  json["references"] = counters.mapping.references;
   json["map_points"] = map_points;
   json["begin_s"] = SecondsFromNs(begin_ns);
   json["end_s"] = SecondsFromNs(end_ns);
   json["first_pose_s"] = trajectory_.empty() ? Json(nullptr) : Json(SecondsFromNs(trajectory_.front().t_ns));
   json["path_length_m"] = PathLength(trajectory_);
-  const std::uint64_t dropped = counters.events_outside + counters.events_unordered;
-  json["events"] = {{"in", counters.events_in},
-                    {"used", counters.events_in - dropped},
+  const std::uint64_t dropped = counters.events.outside + counters.events.unordered;
+  json["events"] = {{"in", counters.events.in},
+                    {"used", counters.events.in - dropped},
                     {"dropped", dropped},
-                    {"outside", counters.events_outside},
-                    {"unordered", counters.events_unordered},
-                    {"summed_over_surfaces", counters.events_used}};
-  json["depth_frames"] = {{"in", counters.depth_in},
-                          {"used", counters.depth_used},
-                          {"aligned", counters.depth_aligned},
-                          {"jumps", counters.depth_jumps},
-                          {"repeated", counters.depth_repeated},
-                          {"without_valid_pixel", counters.depth_without_valid_pixel},
+                    {"outside", counters.events.outside},
+                    {"unordered", counters.events.unordered},
+                    {"summed_over_surfaces", counters.events.used}};
+  json["depth_frames"] = {{"in", counters.mapping.depth_in},
+                          {"used", counters.mapping.depth_used},
+                          {"aligned", counters.mapping.depth_aligned},
+                          {"jumps", counters.mapping.depth_jumps},
+                          {"repeated", counters.mapping.depth_repeated},
+                          {"without_valid_pixel", counters.mapping.depth_without_valid_pixel},
                           {"skipped_by_rate", depth_skipped_by_rate},
                           {"unordered", depth_unordered}};
   json["milliseconds"] = {{"time_surface", StageJson(timings.surface_ms)},
@@ -161,7 +161,7 @@ std::string RunReport::Summary() const {
   std::snprintf(line, sizeof(line),
                 "%zu poses, coverage %.1f %%, lost %zu times, %llu references, %.1f times real time\n",
                 trajectory_.size(), 100 * Coverage(end_ns), lost_.size(),
-                static_cast<unsigned long long>(counters.references), RealTimeFactor());
+                static_cast<unsigned long long>(counters.mapping.references), RealTimeFactor());
   std::string text = line;
   if (evaluation) {
     std::snprintf(line, sizeof(line), "ATE %.2f cm (%s), ", 100 * evaluation->ate_rmse_m,

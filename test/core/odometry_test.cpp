@@ -213,11 +213,11 @@ TEST(Odometry, GivesPosesInOrderThatAreFiniteAndTracking) {
   for (const auto& map : run.maps) {
     for (const MapPoint& point : map->points) ASSERT_TRUE(point.p_ref.allFinite() && point.normal_ref.allFinite());
   }
-  EXPECT_EQ(run.counters.events_unordered, 0U);
-  EXPECT_EQ(run.counters.events_outside, 0U);
-  EXPECT_EQ(run.counters.depth_without_valid_pixel, 0U);
-  EXPECT_GE(run.counters.references, 1U);
-  EXPECT_GT(run.counters.depth_used, 35U);
+  EXPECT_EQ(run.counters.events.unordered, 0U);
+  EXPECT_EQ(run.counters.events.outside, 0U);
+  EXPECT_EQ(run.counters.mapping.depth_without_valid_pixel, 0U);
+  EXPECT_GE(run.counters.mapping.references, 1U);
+  EXPECT_GT(run.counters.mapping.depth_used, 35U);
 }
 
 TEST(Odometry, GivesTheSamePosesHoweverTheEventsAreCut) {
@@ -246,7 +246,7 @@ TEST(Odometry, GivesTheSamePosesAndMapsWithThreads) {
     ASSERT_EQ(other.maps[k]->t_ns, reference.maps[k]->t_ns);
     ASSERT_EQ(other.maps[k]->points.size(), reference.maps[k]->points.size());
   }
-  EXPECT_EQ(other.counters.depth_used, reference.counters.depth_used);
+  EXPECT_EQ(other.counters.mapping.depth_used, reference.counters.mapping.depth_used);
   EXPECT_EQ(other.surfaces, reference.surfaces);
 }
 
@@ -274,7 +274,7 @@ TEST(Odometry, HasNoPoseWithoutDepth) {
   odometry.AddEvents(MakeEvents());
   EXPECT_EQ(poses, 0);
   EXPECT_TRUE(odometry.GlobalMap().empty());
-  EXPECT_GT(odometry.counters().events_used, 0U);
+  EXPECT_GT(odometry.counters().events.used, 0U);
 }
 
 TEST(Odometry, RefusesAnOptionThatIsOutOfRangeAndNamesIt) {

@@ -41,8 +41,8 @@ TEST(RunReport, HoldsWhatTheContractNames) {
   RunReport report(100);
   report.timings.tracking_ms = {1, 2, 3, 4};
   report.timings.surface_ms = {4, 3, 2, 5};
-  report.counters.events_in = 10;
-  report.counters.events_outside = 3;
+  report.counters.events.in = 10;
+  report.counters.events.outside = 3;
   report.end_ns = 2000000000;
   report.wall_s = 0.5;
   const auto json = nlohmann::json::parse(report.ToJson());

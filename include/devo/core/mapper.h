@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "devo/core/camera.h"
+#include "devo/core/counters.h"
 #include "devo/core/depth_guess.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_keyframes.h"
@@ -72,16 +73,7 @@ class Mapper {
 
   void Reset();
 
-  struct Counters {
-    std::uint64_t depth_in = 0;        ///< depth images or sweeps added
-    std::uint64_t depth_used = 0;      ///< of these, met with a surface and a pose
-    std::uint64_t depth_aligned = 0;   ///< images aligned to an earlier one
-    std::uint64_t depth_jumps = 0;     ///< how often the depth camera began to see otherwise than before
-    std::uint64_t depth_repeated = 0;  ///< images that had come before, with another stamp
-    std::uint64_t depth_without_valid_pixel = 0;
-    std::uint64_t references = 0;
-  };
-  const Counters& counters() const { return counters_; }
+  const MappingCounters& counters() const { return counters_; }
 
  private:
   SurfacePtr SurfaceFor(std::int64_t t_ns) const;
@@ -102,7 +94,8 @@ class Mapper {
   std::optional<Rigid3> AlignDepth(const DepthImage& depth);
   /// Puts what it adds to the map where tracking will be after `T_moved_world`: from where it was, the map would pull
   /// poses back. `of_depth`: where the image is counted.
-  bool Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world, Counters* of_depth);
+  bool Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world,
+               MappingCounters* of_depth);
   /// A reference of the edges that the map does not explain. Returns whether there were enough with depth for it.
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   /// The same of all edges, whatever the map has.
@@ -167,7 +160,7 @@ class Mapper {
   Match last_match_;
   Rigid3 T_world_depth_;  // of its depth image
   std::uint64_t epoch_ = 0;
-  Counters counters_;
+  MappingCounters counters_;
 };
 
 }  // namespace devo

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "devo/core/camera.h"
+#include "devo/core/counters.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/event.h"
 #include "devo/core/imu.h"
@@ -69,12 +70,10 @@ class Odometry {
 
   /// Of depth, what mapping had done for the last map taken over: all of it after Finish.
   struct Counters {
-    std::uint64_t events_in = 0, events_used = 0, events_outside = 0, events_unordered = 0;
-    std::uint64_t depth_in = 0, depth_used = 0, depth_aligned = 0, depth_jumps = 0, depth_repeated = 0;
-    std::uint64_t depth_without_valid_pixel = 0;
-    std::uint64_t references = 0;
+    SurfaceCounters events;
+    MappingCounters mapping;
   };
-  const Counters& counters() const;
+  Counters counters() const;
 
  private:
   void Step();

@@ -11,6 +11,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "devo/core/camera.h"
+#include "devo/core/counters.h"
 #include "devo/core/event.h"
 #include "devo/core/options.h"
 #include "devo/core/pose_estimate.h"
@@ -69,14 +70,7 @@ class SurfaceBuilder {
   void Reset();
   std::uint64_t epoch() const;
 
-  struct Counters {
-    std::uint64_t in = 0;         ///< events given to Insert
-    std::uint64_t outside = 0;    ///< of these, outside the image
-    std::uint64_t unordered = 0;  ///< of these, older than one before
-    std::uint64_t noise = 0;      ///< of these, isolated or from hot pixels
-    std::uint64_t used = 0;       ///< events accumulated in surfaces (one event may serve several)
-  };
-  const Counters& counters() const;
+  const SurfaceCounters& counters() const;
 
  private:
   struct Impl;

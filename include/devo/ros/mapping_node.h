@@ -84,7 +84,7 @@ class MappingNode {
   bool options_changed_ = false;  // in config_.odometry, until the worker's mapper has them
   ResolvedRig resolved_;
   Rigid3 T_odom_world_;
-  Mapper::Counters counters_;
+  MappingCounters counters_;
   SceneDepth scene_depth_;
   std::deque<SilhouetteFit> alignment_;  // of the last depth images that were judged
   Quantiles mapping_ms_;

@@ -96,7 +96,7 @@ class TimeSurfaceNode {
   std::unique_ptr<SurfaceBuilder> new_builder_;                       // from the rig, until the worker takes it
   std::deque<std::pair<std::int64_t, ros::WallTime>> awaiting_pose_;  // surface time, arrival of its last events
   Quantiles latency_ms_, render_ms_;
-  SurfaceBuilder::Counters counters_;
+  SurfaceCounters counters_;
   std::uint64_t epoch_ = 0, surfaces_ = 0, skipped_ = 0;
   RateMeter surface_rate_;
   double event_rate_hz_ = 0;

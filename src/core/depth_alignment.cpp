@@ -135,7 +135,10 @@ void DepthAligner::AddNormals(DepthCells* cells) const {
       const auto joined = [&](int j) { return p(j).z() > 0 && std::abs(p(j).z() - p(i).z()) < SurfaceGap(p(i).z()); };
       if (!(p(i).z() > 0) || !joined(left) || !joined(right) || !joined(up) || !joined(down)) continue;
       const Eigen::Vector3f n = (p(right) - p(left)).cross(p(up) - p(down)).normalized();
-      if (-n.dot(p(i).normalized()) > kMinNormalCosine) cells->cells[i].n = n;
+      if (-n.dot(p(i).normalized()) <= kMinNormalCosine) continue;
+      const auto off = [&](int a, int b) { return std::abs(n.dot(0.5F * (p(a) + p(b)) - p(i))); };
+      cells->cells[i].n = n;
+      cells->cells[i].bend_m = std::max(off(left, right), off(up, down));
     }
   }
 }
@@ -144,7 +147,7 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
                                                 double sigma_m, std::size_t step) const {
   const Eigen::Matrix3f R = T_ref_depth.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T_ref_depth.translation().cast<float>();
-  const float limit_m = static_cast<float>(kTukey * sigma_m);
+  const float limit_m = static_cast<float>(kTukey * sigma_m), variance = static_cast<float>(sigma_m * sigma_m);
   Equations equations;
   equations.distances.reserve(now.cells.size() / step + 1);
   for (std::size_t i = 0; i < now.cells.size(); i += step) {
@@ -161,7 +164,11 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
     equations.met += std::abs(distance) < SurfaceGap(surface.p.z()) ? 1 : 0;
     if (std::abs(distance) > limit_m) continue;
     equations.distances.push_back(std::abs(distance));
-    const float share = distance / limit_m, weight = (1 - share * share) * (1 - share * share);
+    const float share = distance / limit_m, inlier = (1 - share * share) * (1 - share * share);
+    // At a crease the plane is that of none of its surfaces, and errs by as much as the cell lies off it. Where few
+    // cells show a direction, many of these are at the creases of one thing.
+    const float bend_m2 = cell.bend_m * cell.bend_m + surface.bend_m * surface.bend_m;
+    const float weight = inlier * variance / (variance + bend_m2);
     // q = T Exp(xi) p, so dq = R (rho + phi x p).
     const Eigen::Vector3f n = R.transpose() * surface.n;
     Vector6d row;

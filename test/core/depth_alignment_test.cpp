@@ -46,6 +46,23 @@ TEST(DepthAlignment, IsExactWithoutNoiseFromAnyStartNearBy) {
   }
 }
 
+// What shows where it is are the few cells on the box, many of them on its edges.
+TEST(DepthAlignment, IsNotLedAstrayByTheCreasesOfTheOneThingOnAFloor) {
+  const DepthAligner aligner(DepthSceneCamera());
+  const DepthCells ref = aligner.Reduce(DepthSeen(Rigid3(), 0, DepthScene::kBoxOnFloor), 0, 4);
+  for (const double moved_m : {0.01, 0.02, 0.03, 0.04}) {
+    const Rigid3 T_ref_now = Exp((Vector6d() << moved_m, 0, -moved_m, 0, 0.2 * moved_m, 0).finished());
+    const DepthCells now = aligner.Reduce(DepthSeen(T_ref_now, 0, DepthScene::kBoxOnFloor), 0, 4);
+    for (const double start_m : {-0.005, 0.0, 0.005}) {
+      const auto result = aligner.Align(ref, now, T_ref_now * Rigid3::Translation({start_m, 0, start_m}));
+      ASSERT_TRUE(result);
+      const Vector6d error = Log(T_ref_now.inverse() * result->T_ref_depth);
+      EXPECT_LT(error.tail<5>().norm(), 1e-3) << moved_m << " from " << start_m;
+      EXPECT_LT(std::abs(error[0]), std::abs(start_m) + 2e-4) << "two columns of cells on its side may leave this open";
+    }
+  }
+}
+
 TEST(DepthAlignment, StartsFromDecimetresAwayWhereItIsToldToReachSoFar) {
   const DepthAligner aligner(DepthSceneCamera());
   const DepthCells ref = aligner.Reduce(DepthSeen(Rigid3(), 0.004, DepthScene::kRoom, 1));

@@ -24,6 +24,7 @@ struct DepthCells {
   struct Cell {
     Eigen::Vector3f p = Eigen::Vector3f::Zero();  ///< mean of its readings, m; z 0: too few, or of several surfaces
     Eigen::Vector3f n = Eigen::Vector3f::Zero();  ///< unit normal of the surface, towards the camera; 0: unknown
+    float bend_m = 0;  ///< by how far it lies off a plane through the cells beside it; where the normal is known
   };
   std::vector<Cell> cells;
   float median_m = 0;  ///< depth of the cells; 0: none has one

@@ -19,6 +19,9 @@ constexpr int kMostSteps = 12;  // of the grid, to each side
 // By how much a point may miss an edge, and how far it moves from one try to the next, in the last view.
 constexpr float kReach_px = 2;
 constexpr double kStep_px = 1, kLeastStep_px = 0.25;
+// Where edges are noise or lie close together, chance lets a fast camera see more of them. One of 1 m/s must see so
+// much more than one that stands, and a faster one more as the square of that: few cameras are.
+constexpr double kUnlikelyShare = 0.05;
 // Chance alone makes the best of many tries better than none by some hundredths.
 constexpr double kClearlyBetter = 1.05;
 
@@ -37,7 +40,7 @@ class Tries {
   /// m/s that move most points by a pixel in the last view.
   double PerPixel() const { return 1 / (inverse_depth_ * fx_ * views_.back().since_s); }
 
-  /// Points and views together, of `reach_px`; 1 for each that lies on an edge.
+  /// Points and views together, of `reach_px`; 1 for each that lies on an edge, less for a velocity that is unlikely.
   double Score(const Eigen::Vector3d& velocity_ref, float reach_px) const {
     float score = 0;
     for (const StartView& view : views_) {
@@ -48,7 +51,7 @@ class Tries {
             nearness_.Of(*view.surface, R_event_ref * (point.p_ref - moved), reach_px, R_event_ref * point.normal_ref);
       }
     }
-    return score;
+    return score * std::max(0.0, 1 - kUnlikelyShare * velocity_ref.squaredNorm());
   }
 
  private:

@@ -31,7 +31,7 @@ constexpr double kDrift_m_s = 0.1;  // also in rad/s
 constexpr double kAstray_m_s = 1;
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of a velocity
 // that events alone tell last until depth mends them.
-constexpr double kStatedGuided = 0.3, kStatedAlone = 0.18;
+constexpr double kStatedGuided = 0.26, kStatedAlone = 0.18;
 // What depth errs alike in image after image is not averaged, however many there are in a second.
 constexpr double kPeriodExponent = 0.3, kLeastPeriod_s = 0.02, kForgetsPeriod_s = 1;
 constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthAlone = 0.3;

@@ -576,7 +576,9 @@ void Tracker::UpdateState(PoseEstimate* pose) {
     state_ = TrackingState::kLost;
   } else if (pose->inlier_share < kDegradedShare ||
              (state_ == TrackingState::kLost && quality_.suspicious_in_a_row() > 0)) {
-    if (state_ != TrackingState::kLost) state_ = TrackingState::kDegraded;
+    // Where depth agrees with where it is led to, it is followed, whether events match or not.
+    const bool followed = by_depth && depth_fusion_.replacements() == 0 && IsLed();
+    if (state_ != TrackingState::kLost || followed) state_ = TrackingState::kDegraded;
   } else {
     state_ = state_ == TrackingState::kLost ? TrackingState::kRecovered : TrackingState::kTracking;
   }

@@ -1149,6 +1149,26 @@ TEST(Tracker, BelievesDepthWhereSurfacesMatchNextToNothing) {
   EXPECT_LT((at(19).inverse() * pose->T_world_event).translation().norm(), 0.025);  // 0.14 without
 }
 
+TEST(Tracker, IsNotLostWhereEventsMatchNothingButDepthAgreesWithWhereAnInertialSensorLeads) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  for (int k = 1; k <= 280; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    AddReadings(Read, t_ns, &tracker);
+    const auto pose = tracker.Track(k <= 60 ? Seen(t_ns, TrueAt(t_ns)) : SeenElsewhere(t_ns));
+    ASSERT_TRUE(pose);
+    if (k > 200 && k <= 240 && k % 3 == 0) {
+      DepthPose depth = ByDepth(t_ns, TrueAt(t_ns));
+      depth.confirmed = true;
+      tracker.AddDepthPose(depth);
+    }
+    if (k == 200 || k == 280) EXPECT_EQ(pose->state, TrackingState::kLost) << k;
+    if (k < 210 || k > 240) continue;
+    EXPECT_EQ(pose->state, TrackingState::kDegraded) << k;
+    EXPECT_LT(ErrorOf(*pose), 5e-3) << k;
+  }
+}
+
 TEST(Tracker, TakesTheEndOfTheEventsOfASlowCameraForAStop) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());

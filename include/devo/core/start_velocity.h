@@ -29,8 +29,8 @@ struct StartView {
 std::optional<StartView> ViewSince(const LocalMap& map, const Surface& surface, const InertialBuffer& inertial);
 
 /// Velocity (m/s, frame `ref` of the map) of the camera that sees most of the map's points on edges in all views, if it
-/// moves evenly, the slower of two that see as many. Zero where none sees clearly more than one that only turns. Views in the order of their time.
-/// `undistorted`: of the surfaces' image.
+/// moves evenly, the slower of two that see as many. Zero where none sees clearly more than one that only turns. Views
+/// in the order of their time. `undistorted`: of the surfaces' image.
 Eigen::Vector3d FindStartVelocity(const LocalMap& map, const std::vector<StartView>& views, const Camera& undistorted);
 
 }  // namespace devo

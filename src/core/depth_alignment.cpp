@@ -166,8 +166,8 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
     equations.distances.push_back(std::abs(distance));
     const float share = distance / limit_m, inlier = (1 - share * share) * (1 - share * share);
     // At a crease the plane is that of none of its surfaces, and errs by as much as the cell lies off it. Where few
-    // cells show a direction, many of these are at the creases of one thing.
-    const float bend_m2 = cell.bend_m * cell.bend_m + surface.bend_m * surface.bend_m;
+    // cells show a direction, many of these are at the creases of one thing. From afar the way there matters more.
+    const float bend_m2 = step > 1 ? 0 : cell.bend_m * cell.bend_m + surface.bend_m * surface.bend_m;
     const float weight = inlier * variance / (variance + bend_m2);
     // q = T Exp(xi) p, so dq = R (rho + phi x p).
     const Eigen::Vector3f n = R.transpose() * surface.n;

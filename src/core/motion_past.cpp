@@ -13,9 +13,10 @@ namespace {
 void Follow(const MotionPast::Step& step, std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion) {
   if (step.kind == MotionPast::Kind::kStill) {
     motion->HoldStill(t_ns, ReadSince(*motion, t_ns, inertial));
-  } else if (step.inertial && AdvanceTo(t_ns, inertial, motion)) {
     return;
-  } else if (step.kind == MotionPast::Kind::kCoasting) {
+  }
+  if (step.inertial && AdvanceTo(t_ns, inertial, motion)) return;
+  if (step.kind == MotionPast::Kind::kCoasting) {
     motion->Coast(t_ns);
   } else {
     motion->GoOn(t_ns);

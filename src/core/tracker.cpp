@@ -70,8 +70,7 @@ constexpr double kGuidedExponent = 0.7;
 // Where a motion begins slowly, or few edges show it, this long passes before events tell that a rest is over. An
 // inertial sensor that was held to stand meanwhile would lead on without the velocity that it missed.
 constexpr double kBeginsUnseen_s = 0.2;
-
-// The velocity that is found so, where few edges show one direction of it.
+// Of a start's velocity that surfaces show beside a gyroscope's turn, where few edges show one direction of it.
 constexpr double kSeenSpeed_m_s = 1;
 
 /// The velocity [v; omega] of a camera that turns as its events say.
@@ -258,7 +257,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   if (rested && !still) LeaveRest();
   if (surface.t_edges_ns > motion_.time_ns()) {
     const MotionFilter before = motion_;
-    step_ = {surface.t_edges_ns};
+    step_ = {surface.t_edges_ns, kind};
     if (kind == MotionPast::Kind::kMoving) {
       Register(surface, &pose);
     } else if (kind == MotionPast::Kind::kCoasting) {
@@ -434,7 +433,6 @@ bool Tracker::IsLed() const { return inertial_prior_ || depth_fusion_.AgreedWith
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
   motion_.HoldStill(t_ns, ReadSince(motion_, t_ns, inertial_));
-  step_.kind = MotionPast::Kind::kStill;
   pose->inlier_share = 1;
   if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/standstill.h"
 
-#include <vector>
-
 #include <gtest/gtest.h>
 
 #include "segment_scene.h"

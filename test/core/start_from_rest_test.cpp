@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/start_from_rest.h"
 
-#include <gtest/gtest.h>
+#include <cmath>
 
-#include "devo/core/time.h"
+#include <gtest/gtest.h>
 
 namespace devo {
 namespace {

@@ -16,30 +16,10 @@
 namespace devo {
 namespace {
 
-// Edge positions of neighbouring points err together; this many points count as one measurement of what each surface
-// errs by itself, so many as one of what successive ones err alike.
-constexpr double kPointsPerMeasurement = 7.5, kPointsPerShared = 6;
-constexpr double kWithoutShared = 2;  // times as many of the former, where no error is taken to be shared
-// That is so for surfaces this often. Of faster ones each shows mostly the events of those before it once more.
-constexpr double kUsualRate_hz = 100;
-// More points lie closer together on the same edges, and share their errors.
-constexpr double kUsualPoints = 2000;
-// A point takes so many events to place its edge. With fewer, edges are noise, and a velocity that follows it blurs the
-// next surfaces until any pose matches. At most this many times less they count.
-constexpr double kEventsPerPoint = 12, kFewestCount = 8;
-// An inertial prior is so firm that errors which the edges of successive surfaces share would outweigh it: they count
-// this many times less beside it, the less so the worse the sensor is.
-constexpr double kInertialCaution = 8;
 constexpr double kEdgeSigma_px = 0.5;
-constexpr double kNoPrior = 1e-3;  // keeps the equations solvable, no more
-constexpr double kDegradedShare = 0.35;
-constexpr double kLostAfter_s = 0.2;          // of poses in a row that matched next to nothing, or far less than usual
-constexpr double kInertialLostAfter_s = 0.6;  // the same, bridged by an inertial sensor
-constexpr double kKnownLostAfter_s = 1.2;     // that knows the acceleration, too: a view can pass between depth images
-constexpr double kInertialCoast_s = 2;        // lost, it still tells where the camera goes for so long
-// Where a pose is suspicious a better is sought, every few surfaces.
-constexpr double kBetterBy = 0.1;
-constexpr double kSearchEvery_s = 0.04;
+constexpr double kNoPrior = 1e-3;       // keeps the equations solvable, no more
+constexpr double kInertialCoast_s = 2;  // lost, it still tells where the camera goes for so long
+constexpr double kBetterBy = 0.1;       // of all points, that a better pose must match more
 // Before it was noticed that a pose is false, it was stated to be certain. Also in radians, but a gyroscope that fits
 // has followed the rotation.
 constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.015, kInertialUnknown_rad = 0.005;
@@ -57,7 +37,6 @@ constexpr int kContradictions = 2, kInertialContradictions = 6;
 // Over so short a time two depth images tell the velocity of now.
 constexpr double kEven_s = 0.1;
 constexpr double kMaxBefore = 0.25;  // of the time between two images, that lies before a standstill
-constexpr double kBadFor_s = 0.03;   // matching next to nothing, a pose is not the events' any more
 constexpr double kHeld_m = 5e-3;     // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
@@ -85,20 +64,20 @@ Vector6d TurningWith(const Surface& surface) {
 Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
     : options_(options), camera_(event_camera.Undistorted()), motion_(options.tracking),
       standstill_(options.surface.rate_hz, options.surface.still_activity_hz), relocalizer_(camera_, options),
-      quality_(options.surface.rate_hz) {}
+      status_(options.surface.rate_hz) {}
 
 void Tracker::SetOptions(const OdometryOptions& options) {
   options_ = options;
   motion_.SetOptions(options.tracking);
   standstill_.SetRates(options.surface.rate_hz, options.surface.still_activity_hz);
   relocalizer_.SetOptions(options);
-  quality_.SetRate(options.surface.rate_hz);
+  status_.SetRate(options.surface.rate_hz);
 }
 
 void Tracker::SetMap(LocalMapPtr map) {
   relocalizer_.Remember(map);
   const bool begins = map_ && map->epoch == map_->epoch && (map->chapter != map_->chapter || map->found_by_depth);
-  if (begins && state_ != TrackingState::kLost) return;
+  if (begins && !status_.lost()) return;
   map_ = std::move(map);
   if (begins) BeginAnew();
 }
@@ -127,7 +106,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   estimate.variance_scale = residual_scale_.variance_scale();
   estimate.guided = inertial_prior_;
   estimate.event_delay_s = DelayAgainstInertial();
-  estimate.doubtful = quality_.suspicious_in_a_row() > 0;
+  estimate.doubtful = status_.doubtful();
   const auto correction = depth_fusion_.Correct(depth, estimate);
   const bool was_false = correction && correction->widened > 1;
   if (was_false && !held() && GoesAstrayAgain(depth.t_ns)) {
@@ -155,16 +134,16 @@ bool Tracker::GoesAstrayAgain(std::int64_t t_ns) const {
 void Tracker::StartByDepth(const DepthPose& depth, const Vector6d& velocity_event) {
   const std::int64_t now_ns = motion_.time_ns();
   StartAt(now_ns, depth.T_world_event * Exp(velocity_event * SecondsFromNs(now_ns - depth.t_ns)), velocity_event);
-  coasted_ = true;
+  status_.NoteGuess();
 }
 
 bool Tracker::IsSeenMoving() const { return held() && depth_fusion_.SawMotionSince(standstill_.held_since_ns()); }
 
 void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
-  const bool by_events = !held() && !standstill_.coasting() && state_ != TrackingState::kLost;
+  const bool by_events = !held() && !standstill_.coasting() && !status_.lost();
   if (by_events) T_world_by_depth_ = T_world_now;
-  const bool sure_of_events = by_events && quality_.bad_in_a_row() < Surfaces(kBadFor_s);
-  const bool inertial = standstill_.coasting() && inertial_prior_ && state_ != TrackingState::kLost;
+  const bool sure_of_events = by_events && !status_.MatchesNothing();
+  const bool inertial = standstill_.coasting() && inertial_prior_ && !status_.lost();
   const int least = inertial ? kInertialContradictions : kContradictions;
   if (sure_of_events || (depth_fusion_.contradictions() < least && !IsSeenMoving())) return;
   // What two images span of the motion before a standstill says nothing of now.
@@ -180,9 +159,8 @@ void Tracker::NoteNewView() {
     chapter_covariance_.resize(static_cast<std::size_t>(map_->chapter) + 1, Matrix6d::Zero());
     if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
   }
-  last_found_ns_ = map_->t_ns;
-  quality_.ForgetUsual();
-  begun_ = coasted_ = unsure_ = follow_ = true;
+  status_.NoteNewView(map_->t_ns);
+  follow_ = true;
 }
 
 Vector6d Tracker::VelocitySinceStart(std::int64_t t_ns, const Rigid3& T_world_event) const {
@@ -220,17 +198,14 @@ void Tracker::Reset() {
   trial_ = {};
   rest_.Clear();
   relocalizer_.Clear();
-  state_ = TrackingState::kInitialising;
-  quality_.Reset();
+  status_.Reset();
   residual_scale_ = ResidualScale();
-  coasted_ = inertial_prior_ = begun_ = unsure_ = follow_ = anew_ = false;
+  inertial_prior_ = follow_ = anew_ = false;
   chapter_covariance_.clear();
   rested_.clear();
-  started_ns_ = searched_ns_ = 0;
+  started_ns_ = 0;
   T_world_started_ = Rigid3();
 }
-
-int Tracker::Surfaces(double span_s) const { return CountIn(span_s, options_.surface.rate_hz); }
 
 Vector6d Tracker::SurfaceVelocity() const {
   return history_.empty() ? Vector6d(Vector6d::Zero()) : motion_.velocity_event();
@@ -270,10 +245,10 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   }
   TryInertial();
   NoteActivity(surface, still, pose);
-  if (state_ != TrackingState::kLost || still) last_found_ns_ = surface.t_ns;
-  pose.needs_map = !still && SecondsFromNs(surface.t_ns - last_found_ns_) > kGiveUp_s;
+  status_.NoteSurface(surface.t_ns, still);
+  pose.needs_map = !still && status_.UnseenFor_s(surface.t_ns) > kGiveUp_s;
   pose.chapter = map_->chapter;
-  pose.state = state_;
+  pose.state = status_.state();
   pose.inertial_fit = InertialFitNow();
   if (pose.inertial_fit.gyroscope > 0) pose.inertial_calibration = motion_.state().Calibration();
   if (std::exchange(anew_, false)) {
@@ -320,26 +295,24 @@ bool Tracker::BeginFromRest() {
   motion_ = start->motion;
   NoteStart();
   rested_ = start->rested;
-  unsure_ = false;
+  status_.NoteKnown();
   standstill_.FollowedUntil(map_->t_ns);
   return true;
 }
 
 bool Tracker::IsNoise(const Surface& surface) const {
-  return surface.maybe_noise && state_ != TrackingState::kLost && quality_.bad_in_a_row() >= Surfaces(kBadFor_s);
+  return surface.maybe_noise && !status_.lost() && status_.MatchesNothing();
 }
 
 void Tracker::NoteActivity(const Surface& surface, bool still, const PoseEstimate& pose) {
   const double since_s = SecondsFromNs(surface.t_ns - standstill_.last_active_ns());
-  const bool known = !still && state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
+  const bool known = !still && status_.trusted();
   const double flow_px_s = known ? Known().Flow(SurfaceVelocity()) : 0;
   standstill_.Note(surface, still, flow_px_s);
   if (known) residual_scale_.Note(since_s, pose.mean_residual_px, flow_px_s);
 }
 
-TrackedMotion Tracker::Known() const {
-  return {motion_, inertial_, depth_fusion_, *map_, camera_, state_ == TrackingState::kLost};
-}
+TrackedMotion Tracker::Known() const { return {motion_, inertial_, depth_fusion_, *map_, camera_, status_.lost()}; }
 
 void Tracker::ContinueToNow(PoseEstimate* pose) const {
   pose->t_edges_ns = motion_.time_ns();
@@ -398,7 +371,8 @@ std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
   if (pose && pose->earlier.empty()) pose->earlier = std::move(earlier);
   if (!pose || pose->state == TrackingState::kLost) {
     waiting_.push_back(surface);
-    if (static_cast<int>(waiting_.size()) > Surfaces(kMaxDepthLatency_s)) waiting_.pop_front();
+    const int most = CountIn(kMaxDepthLatency_s, options_.surface.rate_hz);
+    if (static_cast<int>(waiting_.size()) > most) waiting_.pop_front();
   } else {
     waiting_.clear();
   }
@@ -406,9 +380,9 @@ std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
 }
 
 void Tracker::TryInertial() {
-  const bool trusted = state_ == TrackingState::kTracking && quality_.suspicious_in_a_row() == 0;
   const InertialFit fit = motion_.inertial_fit();
-  const bool used = trial_.Judge({motion_.time_ns(), motion_.pose(), trusted, !held()}, fit.gyroscope, inertial_);
+  const bool used =
+      trial_.Judge({motion_.time_ns(), motion_.pose(), status_.trusted(), !held()}, fit.gyroscope, inertial_);
   const bool left_out = inertial_.used() && !used;
   inertial_.SetUsed(used);
   if (!left_out) return;
@@ -434,16 +408,16 @@ bool Tracker::IsLed() const { return inertial_prior_ || depth_fusion_.AgreedWith
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
   motion_.HoldStill(t_ns, ReadSince(motion_, t_ns, inertial_));
   pose->inlier_share = 1;
-  if (state_ == TrackingState::kInitialising) state_ = TrackingState::kTracking;
+  status_.NoteStandstill();
 }
 
 void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
-  if (quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
+  if (!status_.doubtful()) T_world_before_ = motion_.pose();
   step_.kind = MotionPast::Kind::kCoasting;
   step_.inertial = AdvanceTo(t_ns, inertial_, &motion_);
   if (!step_.inertial) motion_.Coast(t_ns);
-  coasted_ = true;
-  UpdateState(pose);
+  status_.NoteGuess();
+  NoteMatch(0);
 }
 
 PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double scale) const {
@@ -457,40 +431,26 @@ PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double s
   return prior;
 }
 
-bool Tracker::WantsSearch(std::int64_t t_ns, double inlier_share) {
-  const int search_every = Surfaces(kSearchEvery_s);
-  const bool in_turn = quality_.suspicious_in_a_row() % search_every == search_every - 1;
-  // What a search did not find, the next surface hardly shows better.
-  const bool searched = t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
-  // Where a motion turns round, few edges cross pixels: no reason to doubt what an inertial sensor saw.
-  const bool doubtful = in_turn && (quality_.IsBad(inlier_share) || !inertial_prior_);
-  const bool wants = unsure_ || (quality_.IsSuspicious(inlier_share) && ((coasted_ && !searched) || doubtful));
-  if (wants) searched_ns_ = t_ns;
-  unsure_ = false;
-  return wants;
-}
-
-Tracker::ErrorsAlike Tracker::PointsThatErrAlike(const Surface& surface) const {
-  const TrackingIdeas& ideas = options_.tracking.ideas;
-  const auto points = static_cast<double>(map_->points.size());
-  const double events = std::max(1.0, static_cast<double>(surface.events_used));
-  const double few = ideas.weigh_events ? std::clamp(kEventsPerPoint * points / events, 1.0, kFewestCount) : 1;
-  const double caution = inertial_prior_ ? 1 + (kInertialCaution - 1) * motion_.gyroscope_trust() : 1;
-  const double close = std::max(1.0, points / kUsualPoints);
-  const double weighed = std::max(caution, ideas.shared_errors ? few : kWithoutShared * few);
-  const double own = kPointsPerMeasurement * close * weighed * std::max(1.0, options_.surface.rate_hz / kUsualRate_hz);
-  return {own, ideas.shared_errors ? kPointsPerShared * close * few : 0};
+ErrorsAlike Tracker::ErrorsAlikeIn(const Surface& surface) const {
+  AlignedPoints of;
+  of.points = map_->points.size();
+  of.events = surface.events_used;
+  of.rate_hz = options_.surface.rate_hz;
+  of.inertial_trust = inertial_prior_ ? motion_.gyroscope_trust() : 0;
+  of.weigh_events = options_.tracking.ideas.weigh_events;
+  of.has_shared_errors = options_.tracking.ideas.shared_errors;
+  return PointsThatErrAlike(of);
 }
 
 void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   // While lost, velocities are guesses: nothing is built on them. Those of an inertial sensor are not, for a while.
-  const bool lost = state_ == TrackingState::kLost && !begun_;
-  const bool goes_on = lost && SecondsFromNs(surface.t_ns - last_found_ns_) < kInertialCoast_s;
+  const bool lost = status_.IsAstray();
+  const bool goes_on = lost && status_.UnseenFor_s(surface.t_ns) < kInertialCoast_s;
   inertial_prior_ = (!lost || goes_on) && AdvanceTo(surface.t_edges_ns, inertial_, &motion_);
   step_.inertial = inertial_prior_;
   const auto predicted = motion_.Predict(surface.t_edges_ns);
   // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
-  const ErrorsAlike alike = PointsThatErrAlike(surface);
+  const ErrorsAlike alike = ErrorsAlikeIn(surface);
   const double scale = kEdgeSigma_px * std::sqrt(alike.own);
   const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
@@ -499,19 +459,19 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     return;
   }
   const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);
-  const bool suspicious = quality_.IsSuspicious(result.inlier_share);
-  if (suspicious && quality_.suspicious_in_a_row() == 0) T_world_before_ = motion_.pose();
-  const bool bad = quality_.IsBad(result.inlier_share);
-  const bool search = WantsSearch(surface.t_ns, result.inlier_share);
+  const bool suspicious = status_.quality().IsSuspicious(result.inlier_share);
+  if (suspicious && !status_.doubtful()) T_world_before_ = motion_.pose();
+  const bool bad = status_.quality().IsBad(result.inlier_share);
+  const bool search = status_.WantsSearch(surface.t_ns, result.inlier_share, inertial_prior_);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
     const Rigid3 T_world_found = map_->T_world_ref * result.T_event_ref.inverse();
     Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
     // Of that, an inertial sensor knows more than a pose that went astray.
     if (velocity.isZero()) velocity = inertial_prior_ ? predicted.velocity_event : TurningWith(surface);
     StartAt(surface.t_edges_ns, T_world_found, velocity);
-    coasted_ = false;
+    status_.NoteFound();
   } else if (inertial_prior_ && (bad || (lost && suspicious))) {
-    coasted_ = true;  // what little matches is false: the inertial sensor knows better for a while
+    status_.NoteGuess();  // what little matches is false: the inertial sensor knows better for a while
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
     step_.kind = MotionPast::Kind::kCoasting;
@@ -521,16 +481,15 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     step_.measured = MotionFilter::LikelihoodOf(predicted, map_->T_world_ref * result.T_event_ref.inverse(),
                                                 A.transpose() * result.information * A / (scale * scale),
                                                 alike.shared / alike.own, residual_scale_.variance_scale());
-    if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(quality_.Weight(result.inlier_share));
+    const double weight = status_.quality().Weight(result.inlier_share);
+    if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);
     motion_.Update(surface.t_edges_ns, *step_.measured);
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;
   pose->mean_residual_px = result.mean_residual_px;
   pose->iterations = result.iterations;
-  coasted_ = coasted_ && suspicious;
-  begun_ = begun_ && suspicious;
-  UpdateState(pose);
+  NoteMatch(result.inlier_share);
 }
 
 bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event,
@@ -556,30 +515,20 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   wide.diagonal().tail<3>().array() += unknown_rad * unknown_rad;
   // Depth that agreed a moment ago is not wrong now, whatever else looks like the view.
   const Matrix6d bounded = (wide.inverse() + depth_fusion_.BoundAt(surface.t_edges_ns)).inverse();
-  const auto found = relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, bounded, map_->chapter},
-                                         state_ == TrackingState::kLost,
-                                         std::max(0.5 * quality_.usual_share(), result->inlier_share + kBetterBy));
+  const auto found =
+      relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, bounded, map_->chapter}, status_.lost(),
+                          std::max(0.5 * status_.quality().usual_share(), result->inlier_share + kBetterBy));
   // What an inertial sensor saw of the way is better than a view that matches less than usual.
-  if (!found || (inertial_prior_ && quality_.IsSuspicious(found->alignment.inlier_share))) return false;
+  if (!found || (inertial_prior_ && status_.quality().IsSuspicious(found->alignment.inlier_share))) return false;
   *result = found->alignment;
   map_ = found->map;
   return true;
 }
 
-void Tracker::UpdateState(PoseEstimate* pose) {
-  quality_.Note(pose->inlier_share);
-  const bool by_depth = depth_fusion_.AgreedWithin(kLostAfter_s, motion_.time_ns());
-  const double bridged_s = motion_.knows_acceleration() ? kKnownLostAfter_s : kInertialLostAfter_s;
-  if (quality_.bad_in_a_row() >= Surfaces(inertial_prior_ ? bridged_s : kLostAfter_s) && !by_depth) {
-    state_ = TrackingState::kLost;
-  } else if (pose->inlier_share < kDegradedShare ||
-             (state_ == TrackingState::kLost && quality_.suspicious_in_a_row() > 0)) {
-    // Where depth agrees with where it is led to, it is followed, whether events match or not.
-    const bool followed = by_depth && depth_fusion_.replacements() == 0 && IsLed();
-    if (state_ != TrackingState::kLost || followed) state_ = TrackingState::kDegraded;
-  } else {
-    state_ = state_ == TrackingState::kLost ? TrackingState::kRecovered : TrackingState::kTracking;
-  }
+void Tracker::NoteMatch(double inlier_share) {
+  const bool depth = depth_fusion_.AgreedWithin(TrackingStatus::kLostAfter_s, motion_.time_ns());
+  const bool depth_alone = depth && depth_fusion_.replacements() == 0 && IsLed();
+  status_.NoteMatch(inlier_share, {inertial_prior_, motion_.knows_acceleration(), depth, depth_alone});
 }
 
 }  // namespace devo

@@ -1162,7 +1162,9 @@ TEST(Tracker, IsNotLostWhereEventsMatchNothingButDepthAgreesWithWhereAnInertialS
       depth.confirmed = true;
       tracker.AddDepthPose(depth);
     }
-    if (k == 200 || k == 280) EXPECT_EQ(pose->state, TrackingState::kLost) << k;
+    if (k == 200 || k == 280) {
+      EXPECT_EQ(pose->state, TrackingState::kLost) << k;
+    }
     if (k < 210 || k > 240) continue;
     EXPECT_EQ(pose->state, TrackingState::kDegraded) << k;
     EXPECT_LT(ErrorOf(*pose), 5e-3) << k;

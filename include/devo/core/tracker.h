@@ -12,10 +12,10 @@
 #include "devo/core/camera.h"
 #include "devo/core/depth_fusion.h"
 #include "devo/core/depth_pose.h"
+#include "devo/core/errors_alike.h"
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/inertial_trial.h"
 #include "devo/core/local_map.h"
-#include "devo/core/match_quality.h"
 #include "devo/core/motion_filter.h"
 #include "devo/core/motion_past.h"
 #include "devo/core/options.h"
@@ -26,6 +26,7 @@
 #include "devo/core/rest_detector.h"
 #include "devo/core/standstill.h"
 #include "devo/core/surface.h"
+#include "devo/core/tracking_status.h"
 
 namespace devo {
 
@@ -113,19 +114,10 @@ class Tracker {
   SensorDelays Delays() const;
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const;
-  /// Points of an alignment that count as one: for what this surface errs by itself, and successive ones alike.
-  struct ErrorsAlike {
-    double own, shared;
-  };
-  ErrorsAlike PointsThatErrAlike(const Surface& surface) const;
+  ErrorsAlike ErrorsAlikeIn(const Surface& surface) const;
   void Register(const Surface& surface, PoseEstimate* pose);
   /// For an alignment whose information is `scale` squared times the filter's.
   PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;
-  /// Whether a better pose is to be sought than one that matches this share, at the surface of this time; counts as
-  /// sought then.
-  bool WantsSearch(std::int64_t t_ns, double inlier_share);
-  /// That come in this time, at least one.
-  int Surfaces(double span_s) const;
   /// Leaves the inertial sensor out, or takes it back.
   void TryInertial();
   InertialFit InertialFitNow() const;
@@ -134,7 +126,8 @@ class Tracker {
   void Coast(std::int64_t t_ns, PoseEstimate* pose);
   /// `covariance`: of the predicted pose.
   bool Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result);
-  void UpdateState(PoseEstimate* pose);
+  /// The share of points that the pose of now matched.
+  void NoteMatch(double inlier_share);
 
   OdometryOptions options_;
   Camera camera_;
@@ -151,23 +144,17 @@ class Tracker {
   std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
   Standstill standstill_;
   Relocalizer relocalizer_;
-  MatchQuality quality_;
+  TrackingStatus status_;
   ResidualScale residual_scale_;
   std::uint64_t epoch_ = 0;
-  TrackingState state_ = TrackingState::kInitialising;
-  std::int64_t last_found_ns_ = 0;            // when tracking was not lost, or a chapter began
   std::int64_t started_ns_ = 0;               // when motion_ was last started at a known pose
   Rigid3 T_world_started_;                    // that pose
   bool anew_ = false;                         // it was started so since the last surface
   std::vector<PoseHistory::Stamped> rested_;  // where a rest before that began and ended
   std::deque<SurfacePtr> waiting_;            // surfaces of the last moment without a map that helps
   bool follow_ = false;                       // them through the map that has come
-  std::int64_t searched_ns_ = 0;              // when a search was last made
-  bool unsure_ = false;  // the next pose may be anywhere about the prediction: a better one is sought
-  bool begun_ = false;   // a chapter, in which no pose has been found yet
   std::vector<Matrix6d> chapter_covariance_;  // of where each chapter began
   bool inertial_prior_ = false;               // the last surface was predicted with an inertial sensor
-  bool coasted_ = false;                      // events were missing and came back, but the pose has not been found yet
   Rigid3 T_world_before_;                     // last pose before tracking degraded
 };
 

@@ -35,10 +35,6 @@ constexpr double kBeyondChance = 1.3, kBeyondSigmas = 2, kMostByChance = 0.4;
 constexpr double kMostTimesQuietest = 40, kLeastQuietest_hz = 0.1;
 constexpr double kKnownShare = 0.25;  // of the blocks tells of all
 constexpr double kMostTold_hz = 8;    // of all events per pixel: beyond, there is motion, and looking costs
-// Passing noise of this rate is a third of the least activity of a motion.
-constexpr double kTolerableNoise_hz = 0.05;
-// Passing noise of this rate is still little among the events of edges; lower ones cost more of the edges' own.
-constexpr double kMostNoise_hz = 0.5;
 
 // Lamps flicker at twice the mains' frequency, 100 or 120 Hz, and pixels that see them fire at least once brighter and
 // once darker each time: this many events per second are half of that. Where they fill half of an area, nearly all with
@@ -137,18 +133,6 @@ inline bool AnyReaches(const std::uint32_t* pixel, std::uint32_t count) {
                          (Above(pixel + 8, count - 1) | Above(pixel + 12, count - 1)));
 }
 
-/// That at least so many of eight neighbours fired within the window, at `rate_hz` each. Binomial: a neighbour did or
-/// did not, however often.
-double ChanceOfNeighbours(int at_least, double rate_hz, std::uint32_t window_us) {
-  const double none = std::exp(-rate_hz * 1e-6 * window_us);
-  double term = std::pow(none, 8), below = 0;
-  for (int k = 0; k < at_least; ++k) {
-    below += term;
-    term *= (8 - k) * (1 - none) / ((k + 1) * none);
-  }
-  return 1 - below;
-}
-
 /// Whether kFlickerAlike of the ages are within `spread` of each other, those of the other polarity lying far away.
 bool AreAlike(std::int64_t* ages, std::size_t count, std::int64_t spread) {
   if (count == 0) return false;
@@ -230,12 +214,16 @@ std::size_t CountOnly(Judged by, EventSpan events, std::uint32_t position, std::
   return count;
 }
 
+NeededNeighbours Asked(double window_s, int min_neighbours) {
+  return {min_neighbours, static_cast<std::uint32_t>(1e6 * window_s), false};
+}
+
 }  // namespace
 
 NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor)
-    : width_(width), height_(height), stride_(width + 2), window_us_(static_cast<std::uint32_t>(1e6 * window_s)),
-      min_neighbours_(min_neighbours), hot_factor_(hot_factor) {
-  while (window_us_ >> tick_shift_ >= kLongAgo_ticks) ++tick_shift_;
+    : width_(width), height_(height), stride_(width + 2), asked_(Asked(window_s, min_neighbours)),
+      hot_factor_(hot_factor) {
+  while (asked_.window_us >> tick_shift_ >= kLongAgo_ticks) ++tick_shift_;
   // Blocks cut by the border hold fewer pixels and would pass for quiet: they are not looked at.
   block_counts_.resize(static_cast<std::size_t>(width_ / kBlock) * (height_ / kBlock));
   noise_rates_hz_.reserve(block_counts_.size());
@@ -245,8 +233,7 @@ NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbo
 }
 
 void NoiseFilter::SetCriteria(double window_s, int min_neighbours, double hot_factor) {
-  window_us_ = static_cast<std::uint32_t>(1e6 * window_s);
-  min_neighbours_ = min_neighbours;
+  asked_ = Asked(window_s, min_neighbours);
   hot_factor_ = hot_factor;
   SetNeeded();
 }
@@ -300,9 +287,9 @@ std::int64_t NoiseFilter::TicksAt(std::int64_t t_ns) const {
 }
 
 std::size_t NoiseFilter::PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed) {
-  const Judged judged{pixels_.data(), stride_, needed_neighbours_, t0_ns_, tick_shift_};
-  const Age age{needed_window_us_ >> tick_shift_, needs_same_polarity_ ? kTickMask : kAgeMask};
-  if (min_neighbours_ == 0) return CountOnly(judged, events, position, passed);
+  const Judged judged{pixels_.data(), stride_, needed_.count, t0_ns_, tick_shift_};
+  const Age age{needed_.window_us >> tick_shift_, needed_.same_polarity ? kTickMask : kAgeMask};
+  if (needed_.count == 0) return CountOnly(judged, events, position, passed);
 #ifdef DEVO_AVX2
   if (HasAvx2()) return JudgeAvx2(judged, age, events, position, passed);
 #endif
@@ -328,42 +315,18 @@ void NoiseFilter::ForgetPassed() {
   std::fill(passed_counts_.begin(), passed_counts_.end(), 0);
 }
 
-double NoiseFilter::PassingHz(double noise_hz) const {
-  const auto passing_hz = [this](double rate_hz) {
-    return rate_hz * ChanceOfNeighbours(needed_neighbours_, rate_hz, needed_window_us_);
-  };
-  if (!needs_same_polarity_) return passing_hz(noise_hz);
-  return passing_hz(on_share_ * noise_hz) + passing_hz((1 - on_share_) * noise_hz);
-}
-
 double NoiseFilter::MeanPassingHz() const {
   const auto blocks = static_cast<double>(noise_rates_hz_.size());
   if (blocks < kKnownShare * static_cast<double>(block_counts_.size())) return passing_noise_hz();
-  return std::accumulate(noise_rates_hz_.begin(), noise_rates_hz_.end(), 0.0,
-                         [this](double sum_hz, double rate_hz) { return sum_hz + PassingHz(rate_hz); }) /
+  return std::accumulate(
+             noise_rates_hz_.begin(), noise_rates_hz_.end(), 0.0,
+             [this](double sum_hz, double rate_hz) { return sum_hz + PassingHz(needed_, rate_hz, on_share_); }) /
          blocks;
 }
 
 void NoiseFilter::SetNeeded() {
-  ChooseNeeded();
+  needed_ = ChooseNeeded(asked_, noise_hz_, on_share_, knows_noise_);
   mean_passing_noise_hz_ = MeanPassingHz();
-}
-
-void NoiseFilter::ChooseNeeded() {
-  needed_window_us_ = window_us_;
-  needs_same_polarity_ = false;
-  needed_neighbours_ = min_neighbours_;
-  if (min_neighbours_ == 0) return;
-  if (!knows_noise_ || passing_noise_hz() > kTolerableNoise_hz) ++needed_neighbours_;
-  // A third neighbour would take more from the edges of low resolutions. Along an edge pixels fire together and alike.
-  needs_same_polarity_ = passing_noise_hz() > kMostNoise_hz;
-  if (passing_noise_hz() <= kMostNoise_hz) return;
-  std::uint32_t longest_us = 0, too_long_us = window_us_;
-  while (too_long_us - longest_us > 1) {
-    needed_window_us_ = (longest_us + too_long_us) / 2;
-    (passing_noise_hz() > kMostNoise_hz ? too_long_us : longest_us) = needed_window_us_;
-  }
-  needed_window_us_ = longest_us;
 }
 
 void NoiseFilter::Update(std::int64_t t_ns) {
@@ -416,7 +379,8 @@ void NoiseFilter::FindNoise(double span_s) {
   const double most_hz = kMostTimesQuietest * std::max(noise_hz_, kLeastQuietest_hz);
   const std::size_t columns = width_ / kBlock;
   for (std::size_t i = 0; i < block_counts_.size(); ++i) {
-    const double rate_hz = block_counts_[i] / pixel_seconds, by_chance = PassingHz(rate_hz) * pixel_seconds;
+    const double rate_hz = block_counts_[i] / pixel_seconds;
+    const double by_chance = PassingHz(needed_, rate_hz, on_share_) * pixel_seconds;
     const double most = kBeyondChance * by_chance + kBeyondSigmas * std::sqrt(by_chance) + 1;
     const bool tells = rate_hz <= most_hz && by_chance <= kMostByChance * block_counts_[i];
     if (tells && passed_counts_[i / columns * (columns + 1) + i % columns] <= most) noise_rates_hz_.push_back(rate_hz);

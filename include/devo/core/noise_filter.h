@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "devo/core/event.h"
+#include "devo/core/needed_neighbours.h"
 
 namespace devo {
 
@@ -44,10 +45,10 @@ class NoiseFilter {
   bool knows_noise() const { return knows_noise_; }
 
   /// Whether neighbours must have been of the same polarity, too; more of it passed before it was known.
-  bool noise_is_very_dense() const { return needs_same_polarity_; }
+  bool noise_is_very_dense() const { return needed_.same_polarity; }
 
   /// How many per pixel and second pass, were all of the image as quiet as these parts.
-  double passing_noise_hz() const { return PassingHz(noise_hz_); }
+  double passing_noise_hz() const { return PassingHz(needed_, noise_hz_, on_share_); }
 
   /// The same, noise being as it is in each part: where the light differs, so does noise, and of two parts with as many
   /// events together as two that are alike more pass. While the camera moves, as passing_noise_hz.
@@ -57,10 +58,8 @@ class NoiseFilter {
   void CountPassed(std::size_t judged, const Event* events, const std::uint32_t* passed, std::size_t count);
   bool CountsAll() const;
   void ForgetPassed();
-  double PassingHz(double noise_hz) const;
   double MeanPassingHz() const;
   void FindNoise(double span_s);
-  void ChooseNeeded();
   std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
   std::int64_t TicksAt(std::int64_t t_ns) const;
   void Update(std::int64_t t_ns);
@@ -74,8 +73,7 @@ class NoiseFilter {
   void SetNeeded();
 
   int width_, height_, stride_;
-  std::uint32_t window_us_;
-  int min_neighbours_;
+  NeededNeighbours asked_, needed_;
   double hot_factor_;
   int tick_shift_ = 0;  // a tick is 2^tick_shift_ microseconds: one, unless the window is long
   // One pixel of border on every side, so that neighbours need no bounds check.
@@ -92,9 +90,6 @@ class NoiseFilter {
   std::vector<char> suspected_;
   double noise_hz_ = 0, mean_passing_noise_hz_ = 0, on_share_ = 0.5;
   bool knows_noise_ = false;
-  std::uint32_t needed_window_us_ = 0;
-  int needed_neighbours_ = 0;
-  bool needs_same_polarity_ = false;
   int hot_pixels_ = 0;
 };
 

@@ -6,6 +6,7 @@
 
 #include "devo/core/event.h"
 #include "devo/core/needed_neighbours.h"
+#include "devo/core/pixel_memory.h"
 
 namespace devo {
 
@@ -60,25 +61,19 @@ class NoiseFilter {
   void ForgetPassed();
   double MeanPassingHz() const;
   void FindNoise(double span_s);
-  std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
-  std::int64_t TicksAt(std::int64_t t_ns) const;
   void Update(std::int64_t t_ns);
   void UpdateNoise(double span_s);
   void UpdateHotPixels();
-  void FindFlicker(double span_s, std::int64_t ticks);
+  void FindFlicker(double span_s, std::int64_t t_ns);
   void AddFlickerOf(std::size_t corner, std::uint32_t least, std::int64_t ticks, char* suspected);
   bool IsHot(std::size_t i) const;
-  void ForgetLongAgo(std::int64_t ticks);
-  void UpdateShareOfOn(std::int64_t ticks);
   void SetNeeded();
 
-  int width_, height_, stride_;
+  int width_, height_;
   NeededNeighbours asked_, needed_;
   double hot_factor_;
-  int tick_shift_ = 0;  // a tick is 2^tick_shift_ microseconds: one, unless the window is long
-  // One pixel of border on every side, so that neighbours need no bounds check.
-  std::vector<std::uint32_t> pixels_;
-  std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
+  PixelMemory memory_;
+  std::int64_t next_update_ns_ = 0, counted_since_ns_ = 0;
   std::vector<std::uint32_t> block_counts_;   // events per whole block of 16 x 16 pixels in the last period
   std::vector<std::uint32_t> ranked_counts_;  // the same, partly ordered; kept so that nothing is allocated
   // As block_counts_, of those that passed, and of blocks that the border cuts as well.

@@ -2,11 +2,11 @@
 #include "devo/core/noise_filter.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
 
+#include "devo/core/hot_pixels.h"
 #include "devo/core/neighbour_filter.h"
 #include "devo/core/time.h"
 #include "filter_pixel.h"
@@ -19,7 +19,6 @@ namespace {
 constexpr std::int64_t kPeriod_ns = 250'000'000;
 // Noise is first estimated after this time: a block at 1 Hz has a dozen events by then.
 constexpr std::int64_t kFirstPeriod_ns = 50'000'000;
-constexpr std::uint32_t kHotMinCount = 8;
 constexpr double kQuietShare = 0.1;    // of the blocks is taken to show nothing but noise
 constexpr double kQuietSigmas = 1.28;  // of a normal distribution's quantile kQuietShare
 // Noise depends on the light, and so differs between parts of the image. A block shows nothing else where it passes as
@@ -30,26 +29,6 @@ constexpr double kBeyondChance = 1.3, kBeyondSigmas = 2, kMostByChance = 0.4;
 constexpr double kMostTimesQuietest = 40, kLeastQuietest_hz = 0.1;
 constexpr double kKnownShare = 0.25;  // of the blocks tells of all
 constexpr double kMostTold_hz = 8;    // of all events per pixel: beyond, there is motion, and looking costs
-
-// Lamps flicker at twice the mains' frequency, 100 or 120 Hz, and pixels that see them fire at least once brighter and
-// once darker each time: this many events per second are half of that. Where they fill half of an area, nearly all with
-// the last event of one polarity and within a quarter of a period, twice in a row, it is no motion: an edge that
-// crosses so large an area so fast does so once.
-constexpr double kFlicker_hz = 100;
-constexpr int kFlickerSide = kBlock, kFlickerStep = 8, kFlickerLeast = kFlickerSide * kFlickerSide / 2;
-constexpr double kFlickerAlike = 0.9;
-constexpr std::int64_t kFlickerSpread_us = 2500;
-
-/// Whether kFlickerAlike of the ages are within `spread` of each other, those of the other polarity lying far away.
-bool AreAlike(std::int64_t* ages, std::size_t count, std::int64_t spread) {
-  if (count == 0) return false;
-  std::nth_element(ages, ages + count / 2, ages + count);
-  const std::int64_t median = ages[count / 2];
-  const auto alike =
-      std::count_if(ages, ages + count, [&](std::int64_t age) { return std::abs(age - median) <= spread / 2; });
-  return static_cast<double>(alike) >= kFlickerAlike * static_cast<double>(count);
-}
-
 NeededNeighbours Asked(double window_s, int min_neighbours) {
   return {min_neighbours, static_cast<std::uint32_t>(1e6 * window_s), false};
 }
@@ -58,7 +37,7 @@ NeededNeighbours Asked(double window_s, int min_neighbours) {
 
 NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbours, double hot_factor)
     : width_(width), height_(height), asked_(Asked(window_s, min_neighbours)), hot_factor_(hot_factor),
-      memory_(width, height, asked_.window_us) {
+      memory_(width, height, asked_.window_us), flicker_(width, height) {
   // Blocks cut by the border hold fewer pixels and would pass for quiet: they are not looked at.
   block_counts_.resize(static_cast<std::size_t>(width_ / kBlock) * (height_ / kBlock));
   noise_rates_hz_.reserve(block_counts_.size());
@@ -75,17 +54,14 @@ void NoiseFilter::SetCriteria(double window_s, int min_neighbours, double hot_fa
 
 void NoiseFilter::Reset() {
   memory_.Clear();
+  flicker_.Clear();
+  hot_.clear();
   noise_hz_ = 0;
   noise_rates_hz_.clear();
   ForgetPassed();
   on_share_ = 0.5;
-  const auto areas = [](int side) {
-    return static_cast<std::size_t>(std::max(side - kFlickerSide, -kFlickerStep) / kFlickerStep + 1);
-  };
-  suspected_.assign(areas(width_) * areas(height_), 0);
   knows_noise_ = false;
   SetNeeded();
-  hot_pixels_ = 0;
 }
 
 std::size_t NoiseFilter::Pass(EventSpan events, std::uint32_t* passed) {
@@ -151,16 +127,19 @@ void NoiseFilter::Update(std::int64_t t_ns) {
   const double span_s = SecondsFromNs(next_update_ns_ - counted_since_ns_);
   UpdateNoise(span_s);
   FindNoise(span_s);
-  FindFlicker(span_s, t_ns);
+  flicker_.Find(memory_, t_ns, span_s);
   on_share_ = memory_.ShareOfOn(t_ns);
   SetNeeded();
   if (!std::exchange(knows_noise_, true)) {
     // Too early to tell hot pixels, what was counted stays; and that there is too much noise, not that there is little.
-    memory_.MarkHot(flickering_);
+    memory_.MarkHot(flicker_.pixels());
     next_update_ns_ = std::max(t_ns, counted_since_ns_ + kPeriod_ns);
     return;
   }
-  UpdateHotPixels();
+  FindHotPixels(memory_, hot_factor_, &hot_);
+  memory_.BeginPeriod();
+  memory_.MarkHot(hot_);
+  memory_.MarkHot(flicker_.pixels());
   ForgetPassed();
   counted_since_ns_ = t_ns;
   next_update_ns_ = t_ns + kPeriod_ns;
@@ -202,74 +181,6 @@ void NoiseFilter::FindNoise(double span_s) {
     const bool tells = rate_hz <= most_hz && by_chance <= kMostByChance * block_counts_[i];
     if (tells && passed_counts_[i / columns * (columns + 1) + i % columns] <= most) noise_rates_hz_.push_back(rate_hz);
   }
-}
-
-bool NoiseFilter::IsHot(std::size_t i) const {
-  // More than the factor times the median of its neighbours and a quarter, that is: of eight, five are quiet enough.
-  // The median, not the mean: two hot pixels side by side must not excuse each other.
-  const std::uint32_t count = CountOf(memory_.words()[i]);
-  const auto stands_out = [&](int quiet) { return count > hot_factor_ * (quiet + 0.25); };
-  int quiet = static_cast<int>(std::min<double>(count / hot_factor_, kMostEvents));
-  while (quiet >= 0 && !stands_out(quiet)) --quiet;
-  return quiet >= 0 && NeighboursAbove(memory_.words() + i, memory_.stride(), static_cast<std::uint32_t>(quiet)) <= 3;
-}
-
-void NoiseFilter::FindFlicker(double span_s, std::int64_t t_ns) {
-  flickering_.clear();
-  const auto least = static_cast<std::uint32_t>(kFlicker_hz * span_s);
-  std::size_t area = 0;
-  for (int y = 0; y + kFlickerSide <= height_; y += kFlickerStep) {
-    for (int x = 0; x + kFlickerSide <= width_; x += kFlickerStep, ++area) {
-      AddFlickerOf(memory_.PositionOf(x, y), least, memory_.clock().At(t_ns), &suspected_[area]);
-    }
-  }
-}
-
-void NoiseFilter::AddFlickerOf(std::size_t corner, std::uint32_t least, std::int64_t ticks, char* suspected) {
-  const std::uint32_t* const words = memory_.words();
-  // The common case first: an area of which half flickers does so in one of these rows.
-  const auto reaches = [&](int y) {
-    return AnyReaches(words + corner + static_cast<std::size_t>(y) * memory_.stride(), least);
-  };
-  if (!reaches(kFlickerSide / 4) && !reaches(3 * kFlickerSide / 4)) {
-    *suspected = 0;
-    return;
-  }
-  std::array<std::uint32_t, kFlickerSide * kFlickerSide> busy;
-  std::array<std::int64_t, kFlickerSide * kFlickerSide> ages;
-  std::size_t count = 0, aged = 0;
-  for (int y = 0; y < kFlickerSide; ++y) {
-    const std::size_t row = corner + static_cast<std::size_t>(y) * memory_.stride();
-    for (std::size_t i = row; i < row + kFlickerSide; ++i) {
-      if (CountOf(words[i]) < least) continue;
-      busy[count++] = static_cast<std::uint32_t>(i);
-      // Those known to flicker, or hot, have no times any more: they do as long as they are as busy.
-      if (!(words[i] & kHotBit)) ages[aged++] = (static_cast<std::uint32_t>(ticks) - words[i]) & kTickMask;
-    }
-  }
-  const bool known = count - aged >= kFlickerLeast, suspected_before = *suspected;
-  *suspected = count >= kFlickerLeast && AreAlike(ages.data(), aged, kFlickerSpread_us >> memory_.clock().shift);
-  if (count < kFlickerLeast || !(known || (suspected_before && *suspected))) return;
-  flickering_.insert(flickering_.end(), busy.begin(), busy.begin() + count);
-}
-
-void NoiseFilter::UpdateHotPixels() {
-  hot_.clear();
-  const std::uint32_t* const words = memory_.words();
-  const int stride = memory_.stride();
-  const std::size_t first = stride, last = static_cast<std::size_t>(stride) * (height_ + 1);
-  for (std::size_t begin = first; begin < last && hot_factor_ > 0; begin += kBlock) {
-    // The common case first: quiet pixels need no look at their neighbours.
-    const std::size_t end = std::min(begin + kBlock, last);
-    if (end - begin == kBlock && !AnyReaches(words + begin, kHotMinCount)) continue;
-    for (std::size_t i = begin; i < end; ++i) {
-      if (CountOf(words[i]) >= kHotMinCount && IsHot(i)) hot_.push_back(static_cast<std::uint32_t>(i));
-    }
-  }
-  memory_.BeginPeriod();
-  memory_.MarkHot(hot_);
-  memory_.MarkHot(flickering_);
-  hot_pixels_ = static_cast<int>(hot_.size());
 }
 
 }  // namespace devo

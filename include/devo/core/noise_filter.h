@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "devo/core/event.h"
+#include "devo/core/flicker_detector.h"
 #include "devo/core/needed_neighbours.h"
 #include "devo/core/pixel_memory.h"
 
@@ -37,7 +38,7 @@ class NoiseFilter {
   void SetCriteria(double window_s, int min_neighbours, double hot_factor);
 
   void Reset();
-  int hot_pixels() const { return hot_pixels_; }
+  int hot_pixels() const { return static_cast<int>(hot_.size()); }
 
   /// Background events per pixel and second, from the quietest parts of the image in the last quarter of a second.
   double noise_hz() const { return noise_hz_; }
@@ -63,16 +64,14 @@ class NoiseFilter {
   void FindNoise(double span_s);
   void Update(std::int64_t t_ns);
   void UpdateNoise(double span_s);
-  void UpdateHotPixels();
-  void FindFlicker(double span_s, std::int64_t t_ns);
-  void AddFlickerOf(std::size_t corner, std::uint32_t least, std::int64_t ticks, char* suspected);
-  bool IsHot(std::size_t i) const;
   void SetNeeded();
 
   int width_, height_;
   NeededNeighbours asked_, needed_;
   double hot_factor_;
   PixelMemory memory_;
+  FlickerDetector flicker_;
+  std::vector<std::uint32_t> hot_;  // positions in memory_
   std::int64_t next_update_ns_ = 0, counted_since_ns_ = 0;
   std::vector<std::uint32_t> block_counts_;   // events per whole block of 16 x 16 pixels in the last period
   std::vector<std::uint32_t> ranked_counts_;  // the same, partly ordered; kept so that nothing is allocated
@@ -80,12 +79,8 @@ class NoiseFilter {
   std::vector<std::uint32_t> passed_counts_;
   std::uint64_t judged_ = 0;            // events since passed_counts_ began
   std::vector<double> noise_rates_hz_;  // of the blocks that show nothing else, events per pixel and second
-  std::vector<std::uint32_t> hot_, flickering_;
-  // Per area of 16 x 16 pixels, every 8: whether it looked like flicker in the last period.
-  std::vector<char> suspected_;
   double noise_hz_ = 0, mean_passing_noise_hz_ = 0, on_share_ = 0.5;
   bool knows_noise_ = false;
-  int hot_pixels_ = 0;
 };
 
 }  // namespace devo

@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include "devo/core/background_noise.h"
 #include "devo/core/event.h"
+#include "devo/core/flicker_detector.h"
+#include "devo/core/needed_neighbours.h"
+#include "devo/core/pixel_memory.h"
 
 namespace devo {
 
@@ -35,67 +40,37 @@ class NoiseFilter {
   void SetCriteria(double window_s, int min_neighbours, double hot_factor);
 
   void Reset();
-  int hot_pixels() const { return hot_pixels_; }
+  int hot_pixels() const { return static_cast<int>(hot_.size()); }
 
   /// Background events per pixel and second, from the quietest parts of the image in the last quarter of a second.
-  double noise_hz() const { return noise_hz_; }
+  double noise_hz() const { return noise_.hz(); }
 
   /// Whether it has been measured: for the first 50 ms it has not.
   bool knows_noise() const { return knows_noise_; }
 
   /// Whether neighbours must have been of the same polarity, too; more of it passed before it was known.
-  bool noise_is_very_dense() const { return needs_same_polarity_; }
+  bool noise_is_very_dense() const { return needed_.same_polarity; }
 
   /// How many per pixel and second pass, were all of the image as quiet as these parts.
-  double passing_noise_hz() const { return PassingHz(noise_hz_); }
+  double passing_noise_hz() const { return PassingHz(needed_, noise_.hz(), noise_.on_share()); }
 
   /// The same, noise being as it is in each part: where the light differs, so does noise, and of two parts with as many
   /// events together as two that are alike more pass. While the camera moves, as passing_noise_hz.
   double mean_passing_noise_hz() const { return mean_passing_noise_hz_; }
 
  private:
-  void CountPassed(std::size_t judged, const Event* events, const std::uint32_t* passed, std::size_t count);
-  bool CountsAll() const;
-  void ForgetPassed();
-  double PassingHz(double noise_hz) const;
-  double MeanPassingHz() const;
-  void FindNoise(double span_s);
-  void ChooseNeeded();
-  std::size_t PassPiece(EventSpan events, std::uint32_t position, std::uint32_t* passed);
-  std::int64_t TicksAt(std::int64_t t_ns) const;
   void Update(std::int64_t t_ns);
-  void UpdateNoise(double span_s);
-  void UpdateHotPixels();
-  void FindFlicker(double span_s, std::int64_t ticks);
-  void AddFlickerOf(std::size_t corner, std::uint32_t least, std::int64_t ticks, char* suspected);
-  bool IsHot(std::size_t i) const;
-  void ForgetLongAgo(std::int64_t ticks);
-  void UpdateShareOfOn(std::int64_t ticks);
   void SetNeeded();
 
-  int width_, height_, stride_;
-  std::uint32_t window_us_;
-  int min_neighbours_;
+  NeededNeighbours asked_, needed_;
   double hot_factor_;
-  int tick_shift_ = 0;  // a tick is 2^tick_shift_ microseconds: one, unless the window is long
-  // One pixel of border on every side, so that neighbours need no bounds check.
-  std::vector<std::uint32_t> pixels_;
-  std::int64_t t0_ns_ = -1, next_update_ns_ = 0, counted_since_ns_ = 0, forgot_ticks_ = 0;
-  std::vector<std::uint32_t> block_counts_;   // events per whole block of 16 x 16 pixels in the last period
-  std::vector<std::uint32_t> ranked_counts_;  // the same, partly ordered; kept so that nothing is allocated
-  // As block_counts_, of those that passed, and of blocks that the border cuts as well.
-  std::vector<std::uint32_t> passed_counts_;
-  std::uint64_t judged_ = 0;            // events since passed_counts_ began
-  std::vector<double> noise_rates_hz_;  // of the blocks that show nothing else, events per pixel and second
-  std::vector<std::uint32_t> hot_, flickering_;
-  // Per area of 16 x 16 pixels, every 8: whether it looked like flicker in the last period.
-  std::vector<char> suspected_;
-  double noise_hz_ = 0, mean_passing_noise_hz_ = 0, on_share_ = 0.5;
+  PixelMemory memory_;
+  BackgroundNoise noise_;
+  FlickerDetector flicker_;
+  std::vector<std::uint32_t> hot_;  // positions in memory_
+  std::int64_t next_update_ns_ = 0, counted_since_ns_ = 0;
+  double mean_passing_noise_hz_ = 0;
   bool knows_noise_ = false;
-  std::uint32_t needed_window_us_ = 0;
-  int needed_neighbours_ = 0;
-  bool needs_same_polarity_ = false;
-  int hot_pixels_ = 0;
 };
 
 }  // namespace devo

@@ -99,7 +99,9 @@ void BackgroundNoise::FindRates(double span_s, const NeededNeighbours& needed) {
 
 double BackgroundNoise::MeanPassingHz(const NeededNeighbours& needed) const {
   const auto blocks = static_cast<double>(rates_hz_.size());
-  if (blocks < kKnownShare * static_cast<double>(block_counts_.size())) return PassingHz(needed, hz_, on_share_);
+  if (blocks == 0 || blocks < kKnownShare * static_cast<double>(block_counts_.size())) {
+    return PassingHz(needed, hz_, on_share_);
+  }
   return std::accumulate(
              rates_hz_.begin(), rates_hz_.end(), 0.0,
              [&](double sum_hz, double rate_hz) { return sum_hz + PassingHz(needed, rate_hz, on_share_); }) /

@@ -32,6 +32,7 @@ NoiseFilter::NoiseFilter(int width, int height, double window_s, int min_neighbo
 void NoiseFilter::SetCriteria(double window_s, int min_neighbours, double hot_factor) {
   asked_ = Asked(window_s, min_neighbours);
   hot_factor_ = hot_factor;
+  memory_.SetWindow(asked_.window_us);
   SetNeeded();
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/pixel_memory.h"
 
+#include <utility>
+
 #include "filter_pixel.h"
 
 namespace devo {
@@ -14,8 +16,13 @@ static_assert(kForgettingPeriod_ticks + 2 * kLongAgo_ticks <= kAgeMask + 1, "wha
 
 PixelMemory::PixelMemory(int width, int height, std::uint32_t window_us)
     : width_(width), height_(height), stride_(width + 2) {
-  while (window_us >> clock_.shift >= kLongAgo_ticks) ++clock_.shift;
+  SetWindow(window_us);
   Clear();
+}
+
+void PixelMemory::SetWindow(std::uint32_t window_us) {
+  asked_shift_ = 0;
+  while (window_us >> asked_shift_ >= kLongAgo_ticks) ++asked_shift_;
 }
 
 void PixelMemory::Clear() {
@@ -25,15 +32,16 @@ void PixelMemory::Clear() {
 }
 
 void PixelMemory::Begin(std::int64_t t_ns) {
-  clock_.t0_ns = t_ns;
+  clock_ = {t_ns, asked_shift_};
   forgot_ticks_ = 0;
 }
 
 void PixelMemory::ForgetLongAgo(std::int64_t t_ns) {
+  const bool other_ticks = std::exchange(clock_.shift, asked_shift_) != asked_shift_;
   const std::int64_t ticks = clock_.At(t_ns);
-  if (ticks - forgot_ticks_ < kForgettingPeriod_ticks) return;
+  if (!other_ticks && ticks - forgot_ticks_ < kForgettingPeriod_ticks) return;
   // After a gap this long, every pixel has been silent for long.
-  const bool all = ticks - forgot_ticks_ >= kForgettingPeriod_ticks + kLongAgo_ticks;
+  const bool all = other_ticks || ticks - forgot_ticks_ >= kForgettingPeriod_ticks + kLongAgo_ticks;
   const auto now = static_cast<std::uint32_t>(ticks), long_ago = static_cast<std::uint32_t>(ticks - kLongAgo_ticks);
   for (std::uint32_t& pixel : words_) {
     const bool forget = all | (((now - pixel) & kAgeMask) > kLongAgo_ticks);

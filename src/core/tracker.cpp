@@ -236,7 +236,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
     if (kind == MotionPast::Kind::kMoving) {
       Register(surface, &pose);
     } else if (kind == MotionPast::Kind::kCoasting) {
-      Coast(surface.t_edges_ns, &pose);
+      Coast(surface.t_edges_ns);
     } else {
       HoldStill(surface.t_edges_ns, &pose);
     }
@@ -411,7 +411,7 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
   status_.NoteStandstill();
 }
 
-void Tracker::Coast(std::int64_t t_ns, PoseEstimate* pose) {
+void Tracker::Coast(std::int64_t t_ns) {
   if (!status_.doubtful()) T_world_before_ = motion_.pose();
   step_.kind = MotionPast::Kind::kCoasting;
   step_.inertial = AdvanceTo(t_ns, inertial_, &motion_);
@@ -455,7 +455,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const PosePrior prior = MakePrior(predicted, scale);
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
-    Coast(surface.t_edges_ns, pose);  // never a pose that is not a number
+    Coast(surface.t_edges_ns);  // never a pose that is not a number
     return;
   }
   const bool found = TryByDepth(surface, prior, predicted.velocity_event, &result);

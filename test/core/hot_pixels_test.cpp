@@ -15,7 +15,7 @@ std::vector<std::uint32_t> HotOf(int events, int neighbours, double factor) {
   for (int k = 0; k < neighbours; ++k) Fire(events, 8 + k % 3, k < 3 ? 8 : 10, true, &memory);
   std::vector<std::uint32_t> hot{0};  // of an image before
   FindHotPixels(memory, factor, &hot);
-  if (!hot.empty()) EXPECT_EQ(hot.front(), memory.PositionOf(9, 9));
+  for (const std::uint32_t pixel : hot) EXPECT_EQ(pixel, memory.PositionOf(9, 9));
   return hot;
 }
 

@@ -425,5 +425,26 @@ TEST(NoiseFilter, TakesOtherCriteriaFromTheNextEventOn) {
   EXPECT_TRUE(filter.Pass({5'600'000, 6, 6, 1}));
 }
 
+TEST(NoiseFilter, TellsWhatIsRecentByAWindowThatIsSetLonger) {
+  const std::int64_t ms = 1'000'000;
+  NoiseFilter filter(32, 24, 0.01, 1, 0), from_the_start(32, 24, 0.2, 1, 0);
+  filter.SetCriteria(0.2, 1, 0);
+  // From the noise's first measurement on one neighbour is enough.
+  std::vector<std::int64_t> times_ms = {0, 300, 400, 1000, 1150, 1500, 1800, 1900};
+  std::vector<bool> passed, expected = {false, false, true, false, true, false, false, true};
+  for (std::size_t k = 0; k < times_ms.size(); ++k) {
+    const Event event{times_ms[k] * ms, static_cast<std::uint16_t>(k == 0 ? 20 : 5 + k % 2), 5, 1};
+    passed.push_back(filter.Pass(event));
+    EXPECT_EQ(passed.back(), from_the_start.Pass(event)) << k;
+  }
+  EXPECT_EQ(passed, expected);
+}
+
+TEST(NoiseFilter, KnowsNoRateOfNoiseWhereTheImageIsSmallerThanABlock) {
+  NoiseFilter filter(8, 8, 0.01, 1, 20);
+  for (std::int64_t k = 0; k < 1000; ++k) filter.Pass({k * 1'000'000, static_cast<std::uint16_t>(k % 8), 4, 1});
+  EXPECT_EQ(filter.mean_passing_noise_hz(), filter.passing_noise_hz());
+}
+
 }  // namespace
 }  // namespace devo

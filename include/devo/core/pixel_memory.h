@@ -26,6 +26,10 @@ class PixelMemory {
   /// `window_us`: up to this, at least, the age of an event can be told.
   PixelMemory(int width, int height, std::uint32_t window_us);
 
+  /// Another window from the next ForgetLongAgo() on. Ages that are told in other ticks are forgotten then, not what
+  /// was counted.
+  void SetWindow(std::uint32_t window_us);
+
   /// No pixel has fired, and time is yet to begin.
   void Clear();
 
@@ -59,7 +63,8 @@ class PixelMemory {
 
  private:
   int width_, height_, stride_;
-  TickClock clock_;  // a tick is one microsecond, unless the window is long
+  TickClock clock_;      // a tick is one microsecond, unless the window is long
+  int asked_shift_ = 0;  // of the clock
   std::int64_t forgot_ticks_ = 0;
   std::vector<std::uint32_t> words_;
 };

@@ -123,7 +123,7 @@ class Tracker {
   InertialFit InertialFitNow() const;
   bool IsLed() const;  // by an inertial sensor or by depth, where events say little
   void HoldStill(std::int64_t t_ns, PoseEstimate* pose);
-  void Coast(std::int64_t t_ns, PoseEstimate* pose);
+  void Coast(std::int64_t t_ns);
   /// `covariance`: of the predicted pose.
   bool Recover(const Surface& surface, const Matrix6d& covariance, AlignmentResult* result);
   /// The share of points that the pose of now matched.

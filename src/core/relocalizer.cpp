@@ -26,7 +26,6 @@ constexpr std::size_t kPointsPerTry = 500;
 // From far enough the whole map is a speck, which matches any edge: no pose is farther from its start than this share
 // of the map's mean distance.
 constexpr double kMaxShiftShare = 1;
-constexpr double kMaxNormalisedSquare = 25;
 // No prediction is in what a search finds: fewer points do not hold the six unknowns of a pose, of which about 15 that
 // err together are one measurement, and among many edges some pose is met by most of them.
 constexpr int kLeastMatched = 6 * 15;
@@ -69,9 +68,11 @@ std::vector<MapPoint> Thinned(const std::vector<MapPoint>& points) {
 
 }  // namespace
 
-bool Relocalizer::Expectation::IsPlausible(const Rigid3& T_world_event) const {
+bool Relocalizer::Expectation::IsPlausible(const Rigid3& T_world_event, int of_chapter) const {
+  // How chapters lie to each other is a guess.
+  if (of_chapter != chapter) return true;
   return std::any_of(starts.begin(), starts.end(), [&](const Rigid3& start) {
-    return NormalisedSquare(Log(start.inverse() * T_world_event), covariance) < kMaxNormalisedSquare;
+    return NormalisedSquare(Log(start.inverse() * T_world_event), covariance) < most_square;
   });
 }
 
@@ -140,8 +141,7 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
   const Rigid3 T_world_found = map->T_world_ref * result.T_event_ref.inverse();
   const double shift_m = (T_world_event.inverse() * T_world_found).translation().norm();
   if (!(shift_m < kMaxShiftShare * MeanDistance(points))) return;
-  // How chapters lie to each other is a guess.
-  if (map->chapter == where.chapter && !where.IsPlausible(T_world_found)) return;
+  if (!where.IsPlausible(T_world_found, map->chapter)) return;
   *best = {T_world_found, map, result};
 }
 
@@ -172,6 +172,7 @@ std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, co
   }
   if (!best.map) return std::nullopt;
   AlignAllPoints(surface, &best);
+  if (!where.IsPlausible(best.T_world_event, best.map->chapter)) return std::nullopt;
   if (best.alignment.inlier_share < min_share || best.alignment.matched < kLeastMatched) return std::nullopt;
   return best;
 }

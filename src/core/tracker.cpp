@@ -23,6 +23,9 @@ constexpr double kBetterBy = 0.1;       // of all points, that a better pose mus
 // Before it was noticed that a pose is false, it was stated to be certain. Also in radians, but a gyroscope that fits
 // has followed the rotation.
 constexpr double kUnknown_m = 0.15, kInertialUnknown_m = 0.015, kInertialUnknown_rad = 0.005;
+// Where an inertial sensor led, what is known of the pose is worth more than a few matches: of such errors one in
+// twenty is larger, and of the views that match farther off most are others that look alike.
+constexpr double kInertialMostSquare = 12.6;
 // Lost for this long while there are events, the view is most likely a new one.
 constexpr double kGiveUp_s = 1;
 // So soon after depth agreed the prediction is more than a motion that is thought to go on.
@@ -515,9 +518,10 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   wide.diagonal().tail<3>().array() += unknown_rad * unknown_rad;
   // Depth that agreed a moment ago is not wrong now, whatever else looks like the view.
   const Matrix6d bounded = (wide.inverse() + depth_fusion_.BoundAt(surface.t_edges_ns)).inverse();
-  const auto found =
-      relocalizer_.Search(surface, map_, {{T_world_now, T_world_before_}, bounded, map_->chapter}, status_.lost(),
-                          std::max(0.5 * status_.quality().usual_share(), result->inlier_share + kBetterBy));
+  Relocalizer::Expectation where{{T_world_now, T_world_before_}, bounded, map_->chapter};
+  if (inertial_prior_) where.most_square = kInertialMostSquare;
+  const double least = std::max(0.5 * status_.quality().usual_share(), result->inlier_share + kBetterBy);
+  const auto found = relocalizer_.Search(surface, map_, where, status_.lost(), least);
   // What an inertial sensor saw of the way is better than a view that matches less than usual.
   if (!found || (inertial_prior_ && status_.quality().IsSuspicious(found->alignment.inlier_share))) return false;
   *result = found->alignment;

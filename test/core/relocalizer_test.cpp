@@ -141,6 +141,17 @@ TEST(Relocalizer, TakesNoViewThatIsTooFarFromWhereTheCameraCanBeUnlessItIsOfAnot
   }
 }
 
+TEST(Relocalizer, FindsAPoseNoFartherFromWhereItIsExpectedThanItIsAskedTo) {
+  const auto map = Map(1);
+  const Rigid3 truth = Pose(0.03, -0.04, 0.05, 0.02, -0.01, 0.04);
+  const Surface surface = Seen(*map, truth);
+  Relocalizer relocalizer(TestCamera(), {});
+  Relocalizer::Expectation four_sigmas_off = From({Rigid3()}, Log(truth).norm() / 4);
+  ExpectFound(relocalizer.Search(surface, map, four_sigmas_off, false, kMinShare), map, truth);
+  four_sigmas_off.most_square = 9;
+  EXPECT_FALSE(relocalizer.Search(surface, map, four_sigmas_off, false, kMinShare));
+}
+
 TEST(Relocalizer, TriesEveryPlaceWithinAFewSearches) {
   const auto map = Map(9);
   for (int wanted = 10; wanted < 18; wanted += 3) {

@@ -625,7 +625,7 @@ TEST(Tracker, FindsThePoseAgainAfterAJump) {
 TEST(Tracker, KeepsTheVelocityThatAnInertialSensorLedToWhereASearchFindsThePose) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());
-  const Rigid3 jump = Exp((Vector6d() << 0.04, -0.03, 0.02, 0.01, -0.01, 0.01).finished());
+  const Rigid3 jump = Exp((Vector6d() << 0.03, -0.022, 0.015, 0.01, -0.01, 0.01).finished());
   std::optional<PoseEstimate> pose;
   bool found = false;
   for (int k = 1; k <= 60 && !found; ++k) {

@@ -38,8 +38,11 @@ class Relocalizer {
     std::vector<Rigid3> starts;  ///< T_world_event
     Matrix6d covariance;         ///< of a right perturbation [rho; phi] (m, rad) of them
     int chapter = 0;             ///< in whose world they are
-    /// Near enough to one of the starts: views resemble each other, most of all where little is seen.
-    bool IsPlausible(const Rigid3& T_world_event) const;
+    /// How far from them the camera may be, as a normalised square: of such errors one in 3000 is larger.
+    double most_square = 25;
+    /// Near enough to one of the starts, where it is known how the pose's chapter lies to theirs: views resemble each
+    /// other, most of all where little is seen.
+    bool IsPlausible(const Rigid3& T_world_event, int of_chapter) const;
   };
   /// The best registration to `map` from each of the expected starts, and, `search_places` set, to the next few
   /// remembered places started from their own views. Empty when none that is plausible matches `min_share` of the

@@ -131,6 +131,32 @@ Vector6d Both(double translation, double rotation) {
   return v;
 }
 
+/// Of gyroscope and, where there is one, accelerometer below it.
+struct StackedMeasurement {
+  Eigen::Matrix<double, Eigen::Dynamic, State::kSize, 0, 6, State::kSize> H_after, H_before;
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1> residual, variance;
+};
+
+/// Standard deviations of a turn, rad, and of a change of velocity, m/s.
+StackedMeasurement Stacked(const InertialMean& inertial, const State& before, const State& after, double dt_s,
+                           double turn_sigma, double push_sigma) {
+  const int n = inertial.linear_acceleration ? 6 : 3;
+  StackedMeasurement stacked;
+  stacked.H_after.resize(n, State::kSize);
+  stacked.H_before.resize(n, State::kSize);
+  stacked.residual.resize(n);
+  stacked.variance.resize(n);
+  const auto add = [&](int row, const InertialMeasurement& m, double sigma) {
+    stacked.H_after.middleRows<3>(row) = m.H_after;
+    stacked.H_before.middleRows<3>(row) = m.H_before;
+    stacked.residual.segment<3>(row) = m.residual;
+    stacked.variance.segment<3>(row).setConstant(sigma * sigma);
+  };
+  add(0, MeasuredTurn(inertial, before, after, dt_s), turn_sigma);
+  if (n == 6) add(3, MeasuredPush(inertial, before, after, dt_s), push_sigma);
+  return stacked;
+}
+
 }  // namespace
 
 void MotionFilter::Reset() {
@@ -440,19 +466,11 @@ double MotionFilter::PushSigma(const InertialMean& inertial, double dt_s) const 
 
 void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& before, const Change& F, double dt_s,
                            double error_share) {
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, State::kSize, 0, 6, State::kSize>;
-  using Column = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6, 1>;
-  const int n = inertial.linear_acceleration ? 6 : 3;
-  Rows H(n, State::kSize), H_before(n, State::kSize);
-  Column residual(n), variance(n);
-  const auto add = [&](int row, const InertialMeasurement& m, double sigma) {
-    H.middleRows<3>(row) = m.H_after;
-    H_before.middleRows<3>(row) = m.H_before;
-    residual.segment<3>(row) = m.residual;
-    variance.segment<3>(row).setConstant(std::pow(error_share * dt_s * sigma, 2));
-  };
-  add(0, MeasuredTurn(inertial, before.state_, state_, dt_s), TurnSigma(inertial, dt_s));
-  if (n == 6) add(3, MeasuredPush(inertial, before.state_, state_, dt_s), PushSigma(inertial, dt_s));
+  const double share_s = error_share * dt_s, turn_sigma = share_s * TurnSigma(inertial, dt_s);
+  const double push_sigma = inertial.linear_acceleration ? share_s * PushSigma(inertial, dt_s) : 0;
+  const auto stacked = Stacked(inertial, before.state_, state_, dt_s, turn_sigma, push_sigma);
+  const auto &H = stacked.H_after, &H_before = stacked.H_before;
+  const auto n = static_cast<int>(stacked.residual.size());
 
   // Covariances of the state now and of the measurement with it: the state before is correlated through F.
   Matrix C = before.P_;
@@ -461,9 +479,9 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
       P_ * H.transpose() + C * H_before.transpose();
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> S =
       H * P_z + H_before * (C.transpose() * H.transpose() + before.P_ * H_before.transpose());
-  S.diagonal() += variance;
+  S.diagonal() += stacked.variance;
   const auto square_of = [&](int row, int rows) {
-    const auto part = residual.segment(row, rows);
+    const auto part = stacked.residual.segment(row, rows);
     return part.dot(S.block(row, row, rows, rows).ldlt().solve(part).eval());
   };
   const double turn_square = square_of(0, 3), push_square = n == 6 ? square_of(3, 3) : 0;
@@ -471,7 +489,7 @@ void MotionFilter::Correct(const InertialMean& inertial, const MotionFilter& bef
   if (square > kMaxNormalisedSquare) S *= square / kMaxNormalisedSquare;
   const Eigen::Matrix<double, State::kSize, Eigen::Dynamic, 0, State::kSize, 6> gain =
       S.ldlt().solve(P_z.transpose()).transpose();
-  state_.Correct(gain * residual);
+  state_.Correct(gain * stacked.residual);
   // How the readings differ from a fading acceleration grows with the acceleration, too: only poses tell of a delay.
   const double delay_variance = P_(State::kDelay, State::kDelay);
   P_ -= gain * S * gain.transpose();

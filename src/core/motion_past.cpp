@@ -26,7 +26,7 @@ void Follow(const MotionPast::Step& step, std::int64_t t_ns, const InertialBuffe
 }  // namespace
 
 std::optional<InertialMean> ReadSince(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial) {
-  const std::int64_t delay_ns = NsFromSeconds(motion.delay_s());
+  const std::int64_t delay_ns = NsFromSeconds(motion.state().delay_s);
   return inertial.Mean(motion.time_ns() - delay_ns, t_ns - delay_ns);
 }
 

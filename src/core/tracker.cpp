@@ -330,10 +330,10 @@ void Tracker::ContinueToNow(PoseEstimate* pose) const {
   pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
 }
 
-double Tracker::DelayAgainstInertial() const { return std::max(0.0, motion_.delay_s()); }
+double Tracker::DelayAgainstInertial() const { return std::max(0.0, motion_.state().delay_s); }
 
 SensorDelays Tracker::Delays() const {
-  SensorDelays delays = DelaysOf(motion_.delay_s(), depth_fusion_.delay().Get(DelayAgainstInertial()));
+  SensorDelays delays = DelaysOf(motion_.state().delay_s, depth_fusion_.delay().Get(DelayAgainstInertial()));
   delays.depth_sigma_s = std::sqrt(depth_fusion_.delay().variance_s2());
   return delays;
 }

@@ -251,7 +251,7 @@ void Swing(double seconds, const Reader& read, double delay_s, MotionFilter* fil
   const std::int64_t first = filter->time_ns() / kPeriod_ns + 1;
   for (std::int64_t k = first; k < first + static_cast<int>(100 * seconds); ++k) {
     const std::int64_t t_ns = k * kPeriod_ns;
-    if (read) filter->Advance(t_ns, read(SecondsFromNs(t_ns - kPeriod_ns / 2) - filter->delay_s()));
+    if (read) filter->Advance(t_ns, read(SecondsFromNs(t_ns - kPeriod_ns / 2) - filter->state().delay_s));
     const auto predicted = filter->Predict(t_ns);
     const Vector6d off = Vector6d::NullaryExpr([&] { return noise(random); });
     const Matrix6d information = 1e8 * Matrix6d::Identity(), prior = predicted.aligned_covariance.inverse();
@@ -375,7 +375,7 @@ TEST(MotionFilter, MendsTheVelocityThatLedItAstrayWhereAllThatIsStatedIsWidened)
 TEST(MotionFilter, LearnsGravityAndBiasesWhileItMoves) {
   const MotionFilter filter = Swinging(20, true);
   EXPECT_LT((filter.state().gyroscope_bias - kTurnBias).norm(), 0.002);
-  EXPECT_LT((filter.gravity_world() - kGravity).norm(), 0.05);
+  EXPECT_LT((filter.state().gravity_world - kGravity).norm(), 0.05);
   EXPECT_LT((filter.state().accelerometer_bias - kPushBias).norm(), 0.05);
 }
 
@@ -424,9 +424,9 @@ TEST(MotionFilter, IsLedAsWellByASensorThatIsAskewAsByOneThatIsNotOnceItKnowsIt)
 }
 
 TEST(MotionFilter, LearnsByHowMuchPosesAreLateOrEarly) {
-  EXPECT_NEAR(Swinging(10, true).delay_s(), 0, 5e-4);
-  EXPECT_NEAR(Swinging(10, true, 0.008).delay_s(), 0.008, 1e-3);
-  EXPECT_NEAR(Swinging(10, true, -0.005).delay_s(), -0.005, 1e-3);
+  EXPECT_NEAR(Swinging(10, true).state().delay_s, 0, 5e-4);
+  EXPECT_NEAR(Swinging(10, true, 0.008).state().delay_s, 0.008, 1e-3);
+  EXPECT_NEAR(Swinging(10, true, -0.005).state().delay_s, -0.005, 1e-3);
 }
 
 TEST(MotionFilter, KeepsADelayOfZeroWhereNoneIsAllowed) {
@@ -438,7 +438,7 @@ TEST(MotionFilter, KeepsADelayOfZeroWhereNoneIsAllowed) {
     filter.Advance(k * kPeriod_ns, ReadAt(SecondsFromNs(k * kPeriod_ns - kPeriod_ns / 2)));
     filter.Update(k * kPeriod_ns, SwingAt(SecondsFromNs(k * kPeriod_ns) - 0.005), 1e8 * Matrix6d::Identity());
   }
-  EXPECT_EQ(filter.delay_s(), 0);
+  EXPECT_EQ(filter.state().delay_s, 0);
 }
 
 TEST(MotionFilter, FindsItsWayThroughThreeTenthsOfASecondWithAnInertialSensor) {
@@ -501,8 +501,8 @@ TEST(MotionFilter, SaysThatTheGyroscopeDoesNotFitWhereItReadsDegrees) {
 }
 
 TEST(MotionFilter, TakesTheNoiseOfAShakenSensorForNoDelay) {
-  EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10).delay_s(), 0, 1e-3);
-  EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10, 0.008).delay_s(), 0.008, 2e-3);
+  EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10).state().delay_s, 0, 1e-3);
+  EXPECT_NEAR(SwingingWith(Shaken(0.03, 0.5, true), 10, 0.008).state().delay_s, 0.008, 2e-3);
 }
 
 TEST(MotionFilter, TrustsAGyroscopeLessTheMoreItIsShaken) {
@@ -536,7 +536,7 @@ TEST(MotionFilter, ForgetsAnInertialSensorButNotTheMotion) {
   EXPECT_TRUE(filter.state().gyroscope_error.isZero());
   EXPECT_FALSE(filter.knows_gravity());
   EXPECT_EQ(filter.inertial_fit().gyroscope, 0);
-  EXPECT_EQ(filter.delay_s(), 0);
+  EXPECT_EQ(filter.state().delay_s, 0);
   EXPECT_GT(filter.delay_variance_s2(), 0);
   EXPECT_EQ(filter.state().velocity, before.velocity);
   EXPECT_EQ(filter.pose_covariance(), covariance);
@@ -567,7 +567,7 @@ TEST(MotionFilter, NeedsNoAccelerometerBesideAGyroscope) {
   filter.Advance(kPeriod_ns, turning);
   const Eigen::Vector3d turned = LogSO3(SwingAt(0).rotation().conjugate() * filter.pose().rotation());
   EXPECT_LT((turned - 0.01 * turning.angular_velocity).norm(), 0.1 * 0.01 * turning.angular_velocity.norm());
-  EXPECT_TRUE(filter.gravity_world().isZero());
+  EXPECT_TRUE(filter.state().gravity_world.isZero());
   EXPECT_EQ(filter.time_ns(), kPeriod_ns);
 }
 

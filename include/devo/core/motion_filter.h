@@ -124,11 +124,8 @@ class MotionFilter {
   Matrix6d velocity_covariance() const;                                       ///< of [v; omega], m/s and rad/s
   const Vector6d& acceleration_event() const { return state_.acceleration; }  ///< its change, m/s^2 and rad/s^2
   bool started() const { return started_; }
-  const Eigen::Vector3d& gravity_world() const { return state_.gravity_world; }  ///< m/s^2; zero: not known
+  /// What the sensor reads over [a, b] is to be given for [a + delay_s, b + delay_s].
   const MotionState& state() const { return state_; }
-  /// By how much later than the inertial sensor's stamps events show the same motion, s: what they read over [a, b] is
-  /// to be given for [a + delay, b + delay].
-  double delay_s() const { return state_.delay_s; }
   double delay_variance_s2() const;
   /// A good gyroscope's errors over those that it is taken to have now, up to 1.
   double gyroscope_trust() const;

@@ -24,6 +24,10 @@ constexpr double kMargin_px = 3;  // from the image's border, where edges of a d
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
 constexpr double kObserveEvery_s = 0.04;
+// Where a depth camera reads less of its image, most things are beyond its range, and farther than those around them. A
+// point that is guessed too near takes its depth from the way, and the way then its length from such points, unless it
+// is as well known as this: m, or as a share of it.
+constexpr double kReadsMost = 0.3, kWayKnown_m = 5e-3, kWayKnownShare = 0.01;
 // Surfaces of views nearer to each other have much of their errors in common: one of them refines the map.
 constexpr double kNewView = 0.01;
 
@@ -77,6 +81,7 @@ void Mapper::Reset() {
   scene_depth_ = SceneDepth();
   last_match_ = Match();
   T_world_refined_ = Rigid3();
+  way_m_ = read_share_ = 0;
   observed_ns_ = 0;
 }
 
@@ -109,7 +114,11 @@ void Mapper::ForgetASurface() {
 
 void Mapper::AddPose(const PoseEstimate& pose) {
   if (pose.epoch != epoch_) return;
-  if (!pose.earlier.empty()) poses_.Clear();
+  if (!pose.earlier.empty()) {
+    poses_.Clear();
+  } else if (!poses_.empty()) {
+    way_m_ += (pose.T_world_event_edges.translation() - poses_.last().translation()).norm();
+  }
   for (const PoseHistory::Stamped& earlier : pose.earlier) poses_.Add(earlier.t_ns, earlier.T_world_event);
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
@@ -293,11 +302,13 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     T_world_event = T_moved_world * *T_world_surface;
     if (options_.mapping.ideas.move_depth) T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
   }
-  if (registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges) == 0) {
+  const int readings = registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges);
+  if (readings == 0) {
     ++of_depth->depth_without_valid_pixel;
     return false;
   }
   ++of_depth->depth_used;
+  read_share_ = static_cast<double>(readings) / static_cast<double>(depth.depth_m.total());
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
   T_world_depth_ = T_world_event * last_match_.T_event_depth;
   scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
@@ -366,9 +377,18 @@ bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_e
   return true;
 }
 
+bool Mapper::MayGuess() const {
+  if (!options_.mapping.ideas.guess_depth || !sure_) return false;
+  if (rig_.depth_from_lidar || read_share_ > kReadsMost) return true;
+  // Without an inertial sensor nothing else holds the turn.
+  if (velocity_of_poses_) return true;
+  const double sigma_m = std::sqrt(covariance_.diagonal().head<3>().maxCoeff());
+  return sigma_m < std::max(kWayKnown_m, kWayKnownShare * way_m_);
+}
+
 std::vector<const EdgePoint*> Mapper::EdgesBesideTheMap(const Surface& surface, const DepthGuess& guess) const {
   std::vector<const EdgePoint*> beside;
-  if (!options_.mapping.ideas.guess_depth || !sure_) return beside;
+  if (!MayGuess()) return beside;
   for (const EdgePoint& edge : surface.edges) {
     if (camera_.Contains({edge.x, edge.y}, kMargin_px) && !guess.IsKnown(edge.x, edge.y)) beside.push_back(&edge);
   }

@@ -238,6 +238,24 @@ TEST(Mapper, GuessesNothingFromAPoseThatIsNotSure) {
   EXPECT_FALSE(mapper.Update());
 }
 
+TEST(Mapper, GuessesNothingBeyondADepthCamerasRangeUntilTheWayIsKnownUnlessPosesAloneTellIt) {
+  const auto guesses = [](int columns_read, double sigma_m, bool velocity_of_poses) {
+    Mapper mapper = WithFirstReference();
+    mapper.AddSurface(SurfaceAt(200 * kMs, EdgesOnBothSides()));
+    PoseEstimate pose = PoseAt(200 * kMs);
+    pose.covariance_event.diagonal().head<3>().setConstant(sigma_m * sigma_m);
+    pose.velocity_of_poses = velocity_of_poses;
+    mapper.AddPose(pose);
+    mapper.AddDepth(WallUpTo(200 * kMs, columns_read));
+    return mapper.Update() != nullptr;
+  };
+  const int quarter = 40, half = 90;
+  EXPECT_FALSE(guesses(quarter, 0.02, false));
+  EXPECT_TRUE(guesses(quarter, 0.002, false));
+  EXPECT_TRUE(guesses(quarter, 0.02, true));
+  EXPECT_TRUE(guesses(half, 0.02, false));
+}
+
 TEST(Mapper, MeasuresEdgesBesideTheMapWithTheLastDepthImageWhereNoOtherComes) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, EdgesOnBothSides()));

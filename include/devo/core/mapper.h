@@ -105,6 +105,8 @@ class Mapper {
   /// The newest surface, where depth images come too seldom for the map to be observed with them alone. Returns whether
   /// the map grew.
   bool ObserveBetweenDepths();
+  /// Whether the pose is known so well that what has no depth may be added at a guess.
+  bool MayGuess() const;
   /// Edges where the map has no points, if they are enough to hold the pose, and it is known well enough to add them.
   std::vector<const EdgePoint*> EdgesBesideTheMap(const Surface& surface, const DepthGuess& guess) const;
   /// Those of which the last depth image, seen from here, tells the depth become points of the map. Returns whether
@@ -147,6 +149,8 @@ class Mapper {
   Vector6d velocity_ = Vector6d::Zero();
   bool velocity_of_poses_ = false;
   Matrix6d covariance_ = Matrix6d::Zero();  // of the newest pose
+  double way_m_ = 0;                        // of the poses
+  double read_share_ = 0;                   // of the last depth image, that is a measurement
   bool sure_ = false;                       // of the newest pose: the map may grow from it where nothing was measured
   bool trackable_ = false, lost_ = false, begin_chapter_ = false;
   bool found_by_depth_ = false;                     // the last depth image told where the camera is, that was lost

@@ -55,6 +55,9 @@ constexpr double kBeginsUnseen_s = 0.2;
 // Of a start's velocity that surfaces show beside a gyroscope's turn, where few edges show one direction of it.
 constexpr double kSeenSpeed_m_s = 1;
 
+/// An alignment counts in pixels per point: the root of the filter's information is brought to that scale, and back.
+double ScaleOf(const ErrorsAlike& alike) { return kEdgeSigma_px * std::sqrt(alike.own); }
+
 /// The velocity [v; omega] of a camera that turns as its events say.
 Vector6d TurningWith(const Surface& surface) {
   Vector6d velocity = Vector6d::Zero();
@@ -233,19 +236,7 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   const bool rested = held();
   const MotionPast::Kind kind = standstill_.Judge(surface, still, Known());
   if (rested && !still) LeaveRest();
-  if (surface.t_edges_ns > motion_.time_ns()) {
-    const MotionFilter before = motion_;
-    step_ = {surface.t_edges_ns, kind};
-    if (kind == MotionPast::Kind::kMoving) {
-      Register(surface, &pose);
-    } else if (kind == MotionPast::Kind::kCoasting) {
-      Coast(surface.t_edges_ns);
-    } else {
-      HoldStill(surface.t_edges_ns, &pose);
-    }
-    if (motion_.time_ns() > started_ns_) past_.Note(before, step_);
-    history_.Add(motion_.time_ns(), motion_.pose());
-  }
+  if (surface.t_edges_ns > motion_.time_ns()) Step(surface, kind, &pose);
   TryInertial();
   NoteActivity(surface, still, pose);
   status_.NoteSurface(surface.t_ns, still);
@@ -260,6 +251,20 @@ std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
   }
   ContinueToNow(&pose);
   return pose;
+}
+
+void Tracker::Step(const Surface& surface, MotionPast::Kind kind, PoseEstimate* pose) {
+  const MotionFilter before = motion_;
+  step_ = {surface.t_edges_ns, kind};
+  if (kind == MotionPast::Kind::kMoving) {
+    Register(surface, pose);
+  } else if (kind == MotionPast::Kind::kCoasting) {
+    Coast(surface.t_edges_ns);
+  } else {
+    HoldStill(surface.t_edges_ns, pose);
+  }
+  if (motion_.time_ns() > started_ns_) past_.Note(before, step_);
+  history_.Add(motion_.time_ns(), motion_.pose());
 }
 
 void Tracker::Begin(const Surface& surface) {
@@ -452,10 +457,8 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   inertial_prior_ = (!lost || goes_on) && AdvanceTo(surface.t_edges_ns, inertial_, &motion_);
   step_.inertial = inertial_prior_;
   const auto predicted = motion_.Predict(surface.t_edges_ns);
-  // The alignment counts in pixels per point: the filter's information is brought to that scale, and back.
   const ErrorsAlike alike = ErrorsAlikeIn(surface);
-  const double scale = kEdgeSigma_px * std::sqrt(alike.own);
-  const PosePrior prior = MakePrior(predicted, scale);
+  const PosePrior prior = MakePrior(predicted, ScaleOf(alike));
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
   if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
     Coast(surface.t_edges_ns);  // never a pose that is not a number
@@ -467,32 +470,41 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool bad = status_.quality().IsBad(result.inlier_share);
   const bool search = status_.WantsSearch(surface.t_ns, result.inlier_share, inertial_prior_);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
-    const Rigid3 T_world_found = map_->T_world_ref * result.T_event_ref.inverse();
-    Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
-    // Of that, an inertial sensor knows more than a pose that went astray.
-    if (velocity.isZero()) velocity = inertial_prior_ ? predicted.velocity_event : TurningWith(surface);
-    StartAt(surface.t_edges_ns, T_world_found, velocity);
-    status_.NoteFound();
+    StartWhereFound(surface, map_->T_world_ref * result.T_event_ref.inverse(), predicted.velocity_event);
   } else if (inertial_prior_ && (bad || (lost && suspicious))) {
     status_.NoteGuess();  // what little matches is false: the inertial sensor knows better for a while
   } else if (lost && suspicious) {
     motion_.Coast(surface.t_edges_ns);
     step_.kind = MotionPast::Kind::kCoasting;
   } else {
-    // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
-    const Matrix6d A = Adjoint(result.T_event_ref.inverse());
-    step_.measured = MotionFilter::LikelihoodOf(predicted, map_->T_world_ref * result.T_event_ref.inverse(),
-                                                A.transpose() * result.information * A / (scale * scale),
-                                                alike.shared / alike.own, residual_scale_.variance_scale());
-    const double weight = status_.quality().Weight(result.inlier_share);
-    if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);
-    motion_.Update(surface.t_edges_ns, *step_.measured);
+    Measure(surface.t_edges_ns, predicted, result, alike);
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;
   pose->mean_residual_px = result.mean_residual_px;
   pose->iterations = result.iterations;
   NoteMatch(result.inlier_share);
+}
+
+void Tracker::StartWhereFound(const Surface& surface, const Rigid3& T_world_found, const Vector6d& velocity_led) {
+  Vector6d velocity = VelocitySinceStart(surface.t_edges_ns, T_world_found);
+  // Of that, an inertial sensor knows more than a pose that went astray.
+  if (velocity.isZero()) velocity = inertial_prior_ ? velocity_led : TurningWith(surface);
+  StartAt(surface.t_edges_ns, T_world_found, velocity);
+  status_.NoteFound();
+}
+
+void Tracker::Measure(std::int64_t t_ns, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
+                      const ErrorsAlike& alike) {
+  const double scale = ScaleOf(alike);
+  // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
+  const Matrix6d A = Adjoint(result.T_event_ref.inverse());
+  step_.measured = MotionFilter::LikelihoodOf(predicted, map_->T_world_ref * result.T_event_ref.inverse(),
+                                              A.transpose() * result.information * A / (scale * scale),
+                                              alike.shared / alike.own, residual_scale_.variance_scale());
+  const double weight = status_.quality().Weight(result.inlier_share);
+  if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);
+  motion_.Update(t_ns, *step_.measured);
 }
 
 bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event,

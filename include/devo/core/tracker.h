@@ -115,7 +115,13 @@ class Tracker {
   /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const;
   ErrorsAlike ErrorsAlikeIn(const Surface& surface) const;
+  /// On to the surface's edges, which are later than the pose.
+  void Step(const Surface& surface, MotionPast::Kind kind, PoseEstimate* pose);
   void Register(const Surface& surface, PoseEstimate* pose);
+  /// `velocity_led`: of the event camera, where it was led to.
+  void StartWhereFound(const Surface& surface, const Rigid3& T_world_found, const Vector6d& velocity_led);
+  void Measure(std::int64_t t_ns, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
+               const ErrorsAlike& alike);
   /// For an alignment whose information is `scale` squared times the filter's.
   PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;
   /// Leaves the inertial sensor out, or takes it back.

@@ -233,25 +233,9 @@ Vector6d MotionFilter::LiveliestVariance() const {
   return Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
 }
 
-MotionFilter::Change MotionFilter::Propagate(double dt_s) {
-  // Where exactly it stood the first events after a rest tell: without this they would seem to tell of a velocity.
-  P_.topLeftCorner<6, 6>() += kBraking_s * kBraking_s * std::exchange(before_rest_, Matrix6d::Zero());
-  const double fade = std::exp(-dt_s / kManeuver_s), shared_fade = std::exp(-dt_s / kShared_s);
-  const Vector6d step = state_.velocity * dt_s + state_.acceleration * (0.5 * dt_s * dt_s);
-  Change F = Change::Identity();
-  F.block<6, 6>(0, 0) = Adjoint(Exp(-step));
-  F.block<6, 6>(0, State::kV) = dt_s * Matrix6d::Identity();
-  F.block<6, 6>(0, State::kA) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
-  F.block<6, 6>(State::kV, State::kA) = dt_s * Matrix6d::Identity();
-  F.block<6, 6>(State::kA, State::kA) = fade * Matrix6d::Identity();
-  F.block<6, 6>(State::kSharedError, State::kSharedError) = shared_fade * Matrix6d::Identity();
+void MotionFilter::AddJerk(double dt_s) {
   // Singer: the acceleration's variance is stationary, its density follows from the time it takes to fade.
   const Vector6d q = 2 / kManeuver_s * manoeuvre_.variance_share() * LiveliestVariance();
-  constexpr int kFixed = State::kSize - State::kChanging;
-  P_.topLeftCorner<State::kChanging, State::kChanging>() =
-      (F * P_.topLeftCorner<State::kChanging, State::kChanging>() * F.transpose()).eval();
-  P_.topRightCorner<State::kChanging, kFixed>() = (F * P_.topRightCorner<State::kChanging, kFixed>()).eval();
-  P_.bottomLeftCorner<kFixed, State::kChanging>() = P_.topRightCorner<State::kChanging, kFixed>().transpose();
   const double d = dt_s, d2 = d * d, d3 = d2 * d, d4 = d3 * d, d5 = d4 * d;
   for (int i = 0; i < 6; ++i) {
     const int v = i + State::kV, a = i + State::kA;
@@ -265,7 +249,9 @@ MotionFilter::Change MotionFilter::Propagate(double dt_s) {
     P_(a, v) += q[i] * d2 / 2;
     P_(a, a) += q[i] * d;
   }
-  P_.block<6, 6>(State::kSharedError, State::kSharedError) += (1 - shared_fade * shared_fade) * shared_variance_;
+}
+
+void MotionFilter::LetInertialWander(double dt_s) {
   // What a sensor that does not fit has said of gravity and biases is as wrong as it is.
   const double turn = Widening(turn_misfit_), push = Widening(push_misfit_);
   for (int i = 0; i < 3; ++i) {
@@ -281,6 +267,28 @@ MotionFilter::Change MotionFilter::Propagate(double dt_s) {
   P_(State::kAccelerometerScale, State::kAccelerometerScale) +=
       (push - 1) * dt_s * kMisfitWalk * kAccelerometerScale * kAccelerometerScale;
   if (options_.max_delay_s > 0) P_(State::kDelay, State::kDelay) += std::pow(kDelayWalk_s, 2) * dt_s;
+}
+
+MotionFilter::Change MotionFilter::Propagate(double dt_s) {
+  // Where exactly it stood the first events after a rest tell: without this they would seem to tell of a velocity.
+  P_.topLeftCorner<6, 6>() += kBraking_s * kBraking_s * std::exchange(before_rest_, Matrix6d::Zero());
+  const double fade = std::exp(-dt_s / kManeuver_s), shared_fade = std::exp(-dt_s / kShared_s);
+  const Vector6d step = state_.velocity * dt_s + state_.acceleration * (0.5 * dt_s * dt_s);
+  Change F = Change::Identity();
+  F.block<6, 6>(0, 0) = Adjoint(Exp(-step));
+  F.block<6, 6>(0, State::kV) = dt_s * Matrix6d::Identity();
+  F.block<6, 6>(0, State::kA) = 0.5 * dt_s * dt_s * Matrix6d::Identity();
+  F.block<6, 6>(State::kV, State::kA) = dt_s * Matrix6d::Identity();
+  F.block<6, 6>(State::kA, State::kA) = fade * Matrix6d::Identity();
+  F.block<6, 6>(State::kSharedError, State::kSharedError) = shared_fade * Matrix6d::Identity();
+  constexpr int kFixed = State::kSize - State::kChanging;
+  P_.topLeftCorner<State::kChanging, State::kChanging>() =
+      (F * P_.topLeftCorner<State::kChanging, State::kChanging>() * F.transpose()).eval();
+  P_.topRightCorner<State::kChanging, kFixed>() = (F * P_.topRightCorner<State::kChanging, kFixed>()).eval();
+  P_.bottomLeftCorner<kFixed, State::kChanging>() = P_.topRightCorner<State::kChanging, kFixed>().transpose();
+  AddJerk(dt_s);
+  P_.block<6, 6>(State::kSharedError, State::kSharedError) += (1 - shared_fade * shared_fade) * shared_variance_;
+  LetInertialWander(dt_s);
   state_.T_world_event = state_.T_world_event * Exp(step);
   state_.velocity += state_.acceleration * dt_s;
   state_.acceleration *= fade;

@@ -328,6 +328,22 @@ void ReferenceMap::Prune(Reference* reference) {
   Shorten(&reference->evidence, kept);
 }
 
+ReferenceMap::Index ReferenceMap::MoveBestToFront(const std::vector<Visible>& visible, Index first, Index last,
+                                                  std::size_t count, std::vector<Ranked>* ranked) const {
+  // In quarters; a fixed scatter of the index, which no two share, breaks ties: neighbours on one edge are not taken in
+  // a row.
+  ranked->clear();
+  for (auto i = first; i != last; ++i) {
+    const float support = SupportOf(references_[visible[*i].reference].evidence[visible[*i].point]);
+    const auto quarters = 4 - std::min(4U, static_cast<std::uint32_t>(support * 4));
+    ranked->emplace_back(quarters << 24 | ((*i * 2654435761U) & 0xFFFFFFU), *i);
+  }
+  const auto end = ranked->begin() + static_cast<std::ptrdiff_t>(count);
+  std::nth_element(ranked->begin(), end, ranked->end());
+  std::sort(ranked->begin(), end);
+  return std::transform(ranked->begin(), end, first, [](const auto& r) { return r.second; });
+}
+
 std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, const Rigid3& T_world_ref) const {
   const int cell_px = options_.ideas.spread_points ? kSelectionCell_px : std::max(camera_.width(), camera_.height());
   const int columns = (camera_.width() + cell_px - 1) / cell_px, rows = (camera_.height() + cell_px - 1) / cell_px;
@@ -353,24 +369,11 @@ std::vector<MapPoint> ReferenceMap::Select(const std::vector<Visible>& visible, 
   for (const Reference& reference : references_) T_ref_own.push_back(T_world_ref.inverse() * reference.T_world_ref);
   std::vector<MapPoint> selected;
   selected.reserve(total(quota));
-  std::vector<std::pair<std::uint32_t, std::size_t>> ranked;
+  std::vector<Ranked> ranked;
   for (std::size_t c = 0; c + 1 < begin.size(); ++c) {
     const auto first = sorted.begin() + static_cast<std::ptrdiff_t>(begin[c]);
     auto last = sorted.begin() + static_cast<std::ptrdiff_t>(begin[c + 1]);
-    if (begin[c + 1] - begin[c] > quota) {
-      // Best support first, in quarters; a fixed scatter of the index, which no two share, breaks ties: neighbours on
-      // one edge are not taken in a row.
-      ranked.clear();
-      for (auto i = first; i != last; ++i) {
-        const float support = SupportOf(references_[visible[*i].reference].evidence[visible[*i].point]);
-        const auto quarters = 4 - std::min(4U, static_cast<std::uint32_t>(support * 4));
-        ranked.emplace_back(quarters << 24 | ((*i * 2654435761U) & 0xFFFFFFU), *i);
-      }
-      const auto end = ranked.begin() + static_cast<std::ptrdiff_t>(quota);
-      std::nth_element(ranked.begin(), end, ranked.end());
-      std::sort(ranked.begin(), end);
-      last = std::transform(ranked.begin(), end, first, [](const auto& r) { return r.second; });
-    }
+    if (begin[c + 1] - begin[c] > quota) last = MoveBestToFront(visible, first, last, quota, &ranked);
     for (auto i = first; i != last; ++i) {
       const Reference& reference = references_[visible[*i].reference];
       selected.push_back(PointOf(reference, visible[*i].point, T_ref_own[visible[*i].reference]));

@@ -147,6 +147,10 @@ class MotionFilter {
   void SetMotion(const Vector6d& sigma_velocity);
   /// Returns the derivative of what changes by what it was.
   Change Propagate(double dt_s);
+  /// What is not known of the motion in this time.
+  void AddJerk(double dt_s);
+  /// The same of the inertial sensor, and of gravity.
+  void LetInertialWander(double dt_s);
   /// `error_share`: of the errors that the sensor has in motion.
   void Correct(const InertialMean& inertial, const MotionFilter& before, const Change& F, double dt_s,
                double error_share = 1);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <opencv2/core/mat.hpp>
@@ -127,6 +128,11 @@ class ReferenceMap {
   bool InView(const Reference& reference, const Rigid3& T_event_ref) const;
   void Prune(Reference* reference);
   void ForgetBeyondBudget();
+  using Index = std::vector<std::size_t>::iterator;      // to an index of a visible point
+  using Ranked = std::pair<std::uint32_t, std::size_t>;  // the lower the better, and such an index
+  /// Of these points the `count` with the best support, in order. Returns their end.
+  Index MoveBestToFront(const std::vector<Visible>& visible, Index first, Index last, std::size_t count,
+                        std::vector<Ranked>* ranked) const;
 
   Camera camera_;
   MappingOptions options_;

@@ -379,9 +379,8 @@ bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_e
 
 bool Mapper::MayGuess() const {
   if (!options_.mapping.ideas.guess_depth || !sure_) return false;
-  if (rig_.depth_from_lidar || read_share_ > kReadsMost) return true;
   // Without an inertial sensor nothing else holds the turn.
-  if (velocity_of_poses_) return true;
+  if (velocity_of_poses_ || rig_.depth_from_lidar || read_share_ > kReadsMost) return true;
   const double sigma_m = std::sqrt(covariance_.diagonal().head<3>().maxCoeff());
   return sigma_m < std::max(kWayKnown_m, kWayKnownShare * way_m_);
 }

@@ -138,7 +138,7 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
   const AlignmentResult result = Align(points, surface, camera_, start, Vector6d::Zero(), options_);
   if (result.matched * map->points.size() < kLeastMatched * points.size()) return;  // of all points as many
   if (best->map && result.inlier_share <= best->alignment.inlier_share) return;
-  const Rigid3 T_world_found = map->T_world_ref * result.T_event_ref.inverse();
+  const Rigid3 T_world_found = map->WorldFromEvent(result.T_event_ref);
   const double shift_m = (T_world_event.inverse() * T_world_found).translation().norm();
   if (!(shift_m < kMaxShiftShare * MeanDistance(points))) return;
   if (!where.IsPlausible(T_world_found, map->chapter)) return;
@@ -150,7 +150,7 @@ void Relocalizer::AlignAllPoints(const Surface& surface, Found* found) const {
   start.T_event_ref = found->alignment.T_event_ref;
   start.sqrt_information = 1e-3 * Matrix6d::Identity();
   found->alignment = Align(found->map->points, surface, camera_, start, Vector6d::Zero(), options_);
-  found->T_world_event = found->map->T_world_ref * found->alignment.T_event_ref.inverse();
+  found->T_world_event = found->map->WorldFromEvent(found->alignment.T_event_ref);
 }
 
 std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, const LocalMapPtr& map,
@@ -172,6 +172,7 @@ std::optional<Relocalizer::Found> Relocalizer::Search(const Surface& surface, co
   }
   if (!best.map) return std::nullopt;
   AlignAllPoints(surface, &best);
+  // All of them may have led on to another view.
   if (!where.IsPlausible(best.T_world_event, best.map->chapter)) return std::nullopt;
   if (best.alignment.inlier_share < min_share || best.alignment.matched < kLeastMatched) return std::nullopt;
   return best;

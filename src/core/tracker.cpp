@@ -470,7 +470,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const bool bad = status_.quality().IsBad(result.inlier_share);
   const bool search = status_.WantsSearch(surface.t_ns, result.inlier_share, inertial_prior_);
   if (found || (search && Recover(surface, predicted.covariance, &result))) {
-    StartWhereFound(surface, map_->T_world_ref * result.T_event_ref.inverse(), predicted.velocity_event);
+    StartWhereFound(surface, map_->WorldFromEvent(result.T_event_ref), predicted.velocity_event);
   } else if (inertial_prior_ && (bad || (lost && suspicious))) {
     status_.NoteGuess();  // what little matches is false: the inertial sensor knows better for a while
   } else if (lost && suspicious) {
@@ -499,7 +499,7 @@ void Tracker::Measure(std::int64_t t_ns, const MotionFilter::Prediction& predict
   const double scale = ScaleOf(alike);
   // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
   const Matrix6d A = Adjoint(result.T_event_ref.inverse());
-  step_.measured = MotionFilter::LikelihoodOf(predicted, map_->T_world_ref * result.T_event_ref.inverse(),
+  step_.measured = MotionFilter::LikelihoodOf(predicted, map_->WorldFromEvent(result.T_event_ref),
                                               A.transpose() * result.information * A / (scale * scale),
                                               alike.shared / alike.own, residual_scale_.variance_scale());
   const double weight = status_.quality().Weight(result.inlier_share);
@@ -522,7 +522,7 @@ bool Tracker::Recover(const Surface& surface, const Matrix6d& covariance, Alignm
   if (!options_.tracking.ideas.search) return false;
   const double rules_out_s = inertial_prior_ ? kInertialRulesOutSearch_s : kRulesOutSearch_s;
   if (depth_fusion_.AgreedWithin(rules_out_s, surface.t_edges_ns)) return false;
-  const Rigid3 T_world_now = map_->T_world_ref * result->T_event_ref.inverse();
+  const Rigid3 T_world_now = map_->WorldFromEvent(result->T_event_ref);
   const double unknown_m = inertial_prior_ ? kInertialUnknown_m : kUnknown_m;
   const double unknown_rad = inertial_prior_ ? kInertialUnknown_rad : unknown_m;
   Matrix6d wide = covariance;

@@ -15,7 +15,9 @@ constexpr double kSearchEvery_s = 0.04;
 
 }  // namespace
 
-bool TrackingStatus::MatchesNothing() const { return quality_.bad_in_a_row() >= CountIn(kBadFor_s, rate_hz_); }
+int TrackingStatus::PosesIn(double span_s) const { return CountIn(span_s, quality_.rate_hz()); }
+
+bool TrackingStatus::MatchesNothing() const { return quality_.bad_in_a_row() >= PosesIn(kBadFor_s); }
 
 double TrackingStatus::UnseenFor_s(std::int64_t t_ns) const { return SecondsFromNs(t_ns - seen_ns_); }
 
@@ -36,7 +38,7 @@ void TrackingStatus::NoteMatch(double inlier_share, const Leads& by) {
   quality_.Note(inlier_share);
   const double inertial_s = by.knows_acceleration ? kKnownLostAfter_s : kInertialLostAfter_s;
   const double lost_after_s = by.inertial ? inertial_s : kLostAfter_s;
-  if (quality_.bad_in_a_row() >= CountIn(lost_after_s, rate_hz_) && !by.depth) {
+  if (quality_.bad_in_a_row() >= PosesIn(lost_after_s) && !by.depth) {
     state_ = TrackingState::kLost;
   } else if (inlier_share < kDegradedShare || (lost() && doubtful())) {
     // Where depth agrees with where it is led to, it is followed, whether events match or not.
@@ -51,7 +53,7 @@ void TrackingStatus::NoteSurface(std::int64_t t_ns, bool still) {
 }
 
 bool TrackingStatus::WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial) {
-  const int search_every = CountIn(kSearchEvery_s, rate_hz_);
+  const int search_every = PosesIn(kSearchEvery_s);
   const bool in_turn = quality_.suspicious_in_a_row() % search_every == search_every - 1;
   // What a search did not find, the next surface hardly shows better.
   const bool searched = t_ns - searched_ns_ < NsFromSeconds(kSearchEvery_s);
@@ -61,11 +63,6 @@ bool TrackingStatus::WantsSearch(std::int64_t t_ns, double inlier_share, bool in
   if (wants) searched_ns_ = t_ns;
   unsure_ = false;
   return wants;
-}
-
-void TrackingStatus::SetRate(double rate_hz) {
-  rate_hz_ = rate_hz;
-  quality_.SetRate(rate_hz);
 }
 
 }  // namespace devo

@@ -34,6 +34,9 @@ struct LocalMap {
   bool found_by_depth = false;
   Rigid3 T_world_ref;
   std::vector<MapPoint> points;
+
+  /// Pose of an event camera from which this view is seen so.
+  Rigid3 WorldFromEvent(const Rigid3& T_event_ref) const { return T_world_ref * T_event_ref.inverse(); }
 };
 using LocalMapPtr = std::shared_ptr<const LocalMap>;
 

@@ -31,6 +31,7 @@ class MatchQuality {
 
   /// What is usual in a new map is not known.
   void ForgetUsual() { usual_share_ = kFirstUsualShare; }
+  double rate_hz() const { return rate_hz_; }  ///< of poses
   void SetRate(double rate_hz) { rate_hz_ = rate_hz; }
   void Reset() { *this = MatchQuality(rate_hz_); }
 

@@ -27,7 +27,7 @@ class TrackingStatus {
   };
 
   /// `rate_hz`: of poses.
-  explicit TrackingStatus(double rate_hz) : rate_hz_(rate_hz), quality_(rate_hz) {}
+  explicit TrackingStatus(double rate_hz) : quality_(rate_hz) {}
 
   TrackingState state() const { return state_; }
   bool lost() const { return state_ == TrackingState::kLost; }
@@ -63,11 +63,13 @@ class TrackingStatus {
   bool WantsSearch(std::int64_t t_ns, double inlier_share, bool inertial);
 
   /// Another one from the next pose on.
-  void SetRate(double rate_hz);
-  void Reset() { *this = TrackingStatus(rate_hz_); }
+  void SetRate(double rate_hz) { quality_.SetRate(rate_hz); }
+  void Reset() { *this = TrackingStatus(quality_.rate_hz()); }
 
  private:
-  double rate_hz_;
+  /// Poses that come in this time, at least one.
+  int PosesIn(double span_s) const;
+
   MatchQuality quality_;
   TrackingState state_ = TrackingState::kInitialising;
   bool unsure_ = false;   // the next pose may be anywhere about the prediction: a better one is sought

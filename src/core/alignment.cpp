@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <ceres/tiny_solver.h>
+#include <ceres/version.h>
 
 #include "devo/core/alignment_problem.h"
 #include "devo/core/edge_lag.h"
@@ -101,8 +102,13 @@ Minimum Minimise(const AlignmentProblem& problem, int max_iterations, AlignmentR
   ceres::TinySolver<CompressedProblem> solver;
   solver.options.max_num_iterations = max_iterations - result->iterations;
   solver.options.parameter_tolerance = 1e-6;
-  solver.options.function_tolerance = kConverged * std::pow(problem.truncation(), 2) * problem.NumResiduals();
+  const double function_tolerance = kConverged * std::pow(problem.truncation(), 2) * problem.NumResiduals();
+#if CERES_VERSION_MAJOR > 2 || (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 1)
+  solver.options.function_tolerance = function_tolerance;
   const CompressedProblem compressed(problem);
+#else
+  const CompressedProblem compressed(problem, function_tolerance);
+#endif
   Vector6d delta = Vector6d::Zero();
   const auto summary = solver.Solve(compressed, &delta);
   result->T_event_ref = result->T_event_ref * Exp(delta);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -226,6 +227,8 @@ bool CompressedProblem::operator()(const double* dtheta, double* residuals, doub
   if (!jacobian) return true;
   Eigen::Map<Eigen::Matrix<double, 7, 6>> J(jacobian);
   J.setZero();
+  const double change = std::exchange(taken_squared_norm_, sums.squared_norm) - sums.squared_norm;
+  if (std::abs(change) < function_tolerance_) return true;
   // J'J = L L': the first six residuals are L^-1 J'r with the Jacobian L', the last is what no step can lower.
   const Eigen::LLT<Matrix6d> cholesky(sums.information);
   if (cholesky.info() != Eigen::Success) return false;  // all zero: the solver stops where it is

@@ -36,8 +36,8 @@ constexpr double kFirst_m = 5e-3;
 /// Of directions that are known to a few centimetres and hundredths of a radian; of others nothing.
 Matrix6d OfKnownDirections(const Matrix6d& information) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(information);
-  Vector6d values = eigen.eigenvalues();
-  for (double& value : values) value = value > 1 / (kKnown_m * kKnown_m) ? value : 0;
+  const Vector6d& all = eigen.eigenvalues();
+  const Vector6d values = (all.array() > 1 / (kKnown_m * kKnown_m)).select(all, 0.0);
   return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
 }
 

@@ -11,7 +11,7 @@ void MotionState::Correct(const Vector& by) {
   gravity_world += by.segment<3>(kGravity);
   gyroscope_bias += by.segment<3>(kGyroscopeBias);
   accelerometer_bias += by.segment<3>(kAccelerometerBias);
-  gyroscope_error += by.segment<9>(kGyroscopeError).reshaped(3, 3);
+  gyroscope_error += Eigen::Map<const Eigen::Matrix3d>(by.data() + kGyroscopeError);
   lever_error_m += by.segment<3>(kLeverError);
   accelerometer_scale_error += by[kAccelerometerScale];
 }

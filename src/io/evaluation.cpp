@@ -190,20 +190,21 @@ std::string RpeText(const Evaluation& e) {
 }
 
 std::string ToJson(const Evaluation& e) {
+  // null, not zero: a recording shorter than the interval has no relative error, one that never rests none at rest.
+  const auto or_null = [](bool known, double value) { return known ? nlohmann::json(value) : nlohmann::json(); };
   nlohmann::json json;
   json["pairs"] = e.pairs;
   json["ate_rmse_m"] = e.ate_rmse_m;
   json["ate_max_m"] = e.ate_max_m;
   json["path_length_m"] = e.path_length_m;
-  json["drift_percent"] = e.drift_percent ? nlohmann::json(*e.drift_percent) : nullptr;
+  json["drift_percent"] = or_null(e.drift_percent.has_value(), e.drift_percent.value_or(0));
   json["rpe_pairs"] = e.rpe_pairs;
-  // null, not zero: a recording shorter than the interval has no relative error.
-  json["rpe_rotation_rmse_deg"] = e.rpe_pairs > 0 ? nlohmann::json(e.rpe_rotation_rmse_deg) : nullptr;
-  json["rpe_translation_rmse_cm"] = e.rpe_pairs > 0 ? nlohmann::json(e.rpe_translation_rmse_cm) : nullptr;
-  json["nees"] = e.nees > 0 ? nlohmann::json(e.nees) : nullptr;
+  json["rpe_rotation_rmse_deg"] = or_null(e.rpe_pairs > 0, e.rpe_rotation_rmse_deg);
+  json["rpe_translation_rmse_cm"] = or_null(e.rpe_pairs > 0, e.rpe_translation_rmse_cm);
+  json["nees"] = or_null(e.nees > 0, e.nees);
   json["still_s"] = e.still_s;
-  json["still_drift_m"] = e.still_s > 0 ? nlohmann::json(e.still_drift_m) : nullptr;
-  json["still_drift_deg"] = e.still_s > 0 ? nlohmann::json(e.still_drift_deg) : nullptr;
+  json["still_drift_m"] = or_null(e.still_s > 0, e.still_drift_m);
+  json["still_drift_deg"] = or_null(e.still_s > 0, e.still_drift_deg);
   json["final_rotation_deg"] = e.final_rotation_deg;
   json["final_translation_m"] = e.final_translation_m;
   json["max_step_m"] = e.max_step_m;

@@ -20,7 +20,7 @@ static_assert(sizeof(EdgePoint) == 6 * 4, "EdgePoint must have the layout of Sur
 static_assert(sizeof(MapPoint) == 12 * 4, "MapPoint must have the layout of SemiDensePoint.msg");
 
 template <typename Stream>
-void WriteBytes(Stream& stream, const void* data, std::size_t bytes) {
+void WriteBytes(Stream& stream, [[maybe_unused]] const void* data, std::size_t bytes) {
   if constexpr (std::is_same_v<Stream, LStream>) {
     stream.advance(static_cast<std::uint32_t>(bytes));  // only counts
   } else {

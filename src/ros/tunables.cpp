@@ -38,7 +38,7 @@ struct Description {
 /// Calls visit(key, number&, description) for the numeric options among `keys`; `Options` may be const.
 template <typename Options, typename Visit>
 void VisitNumbers(Options& options, const std::vector<std::string>& keys, const Visit& visit) {
-  VisitOptions(options, [&](const char* key, auto& value, auto&&... rest) {
+  VisitOptions(options, [&]([[maybe_unused]] const char* key, auto& value, auto&&... rest) {
     using T = std::remove_const_t<std::remove_reference_t<decltype(value)>>;
     if constexpr (std::is_same_v<T, int> || std::is_same_v<T, double>) {
       if (std::find(keys.begin(), keys.end(), key) == keys.end()) return;

@@ -161,6 +161,30 @@ TEST(AlignmentProblem, CompressedToSevenRowsHasTheProductsOfAllRows) {
   }
 }
 
+TEST(AlignmentProblem, CompressedTellsASolverWithoutToleranceWhenTheCostHardlyChanges) {
+  std::mt19937 random(18);
+  const auto points = Scene();
+  const auto prepared = Unspecific(points);
+  const Surface surface = Seen(points, Rigid3());
+  const Camera camera = TestCamera();
+  const AlignmentProblem problem(prepared, surface, camera, WeakPrior(Rigid3()), Rigid3(), OdometryOptions());
+  const Vector6d first = RandomTwist(0.01, &random), second = 0.9 * first;
+  const double change = std::abs(problem.SumsAt(first).squared_norm - problem.SumsAt(second).squared_norm);
+  ASSERT_GT(change, 0);
+  const auto slope_at_second = [&](double function_tolerance) {
+    const CompressedProblem compressed(problem, function_tolerance);
+    Eigen::Matrix<double, 7, 1> r;
+    Eigen::Matrix<double, 7, 6> J;
+    EXPECT_TRUE(compressed(first.data(), r.data(), J.data()));
+    EXPECT_GT(J.norm(), 0) << "there is no step before the first one";
+    EXPECT_TRUE(compressed(second.data(), r.data(), J.data()));
+    EXPECT_NEAR(r.squaredNorm(), problem.SumsAt(second).squared_norm, 1e-9 * r.squaredNorm());
+    return (J.transpose() * r).norm();
+  };
+  EXPECT_GT(slope_at_second(0.99 * change), 0);
+  EXPECT_EQ(slope_at_second(1.01 * change), 0);
+}
+
 TEST(AlignmentProblem, IsForwardCompositionalThePerturbationActsOnThePointsInTheReferenceFrame) {
   const auto points = Scene();
   const auto prepared = Unspecific(points);

@@ -357,7 +357,7 @@ TEST(Tracker, GoesOnAsWithoutAnInertialSensorWhereThatIsShakenTooMuch) {
   std::normal_distribution<double> normal;
   const auto shaken = [&](std::int64_t t_ns) {
     ImuSample sample = Read(t_ns);
-    for (double& axis : sample.angular_velocity) axis += 0.2 * normal(random);
+    for (int axis = 0; axis < 3; ++axis) sample.angular_velocity[axis] += 0.2 * normal(random);
     return sample;
   };
   const auto estimate = [&](bool read) {

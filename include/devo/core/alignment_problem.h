@@ -7,6 +7,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -124,7 +125,10 @@ class CompressedProblem {
   using Scalar = double;
   enum { NUM_RESIDUALS = 7, NUM_PARAMETERS = 6 };
 
-  explicit CompressedProblem(const AlignmentProblem& problem) : problem_(problem) {}
+  /// `function_tolerance` is for solvers that have none of their own (Ceres before 2.1): a step taken that changes the
+  /// squared norm by less is answered with a Jacobian of zero, at which they stop.
+  explicit CompressedProblem(const AlignmentProblem& problem, double function_tolerance = 0)
+      : problem_(problem), function_tolerance_(function_tolerance) {}
   bool operator()(const double* dtheta, double* residuals, double* jacobian) const;
 
   /// The last ones are kept.
@@ -136,7 +140,9 @@ class CompressedProblem {
     AlignmentProblem::Sums sums;
   };
   const AlignmentProblem& problem_;
+  double function_tolerance_;
   mutable std::optional<Visited> last_;
+  mutable double taken_squared_norm_ = std::numeric_limits<double>::infinity();  // of the last step taken
 };
 
 /// Smallest cosine between the normals of a point and of an edge that may match.

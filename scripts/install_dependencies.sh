@@ -8,7 +8,7 @@ set -euo pipefail
 # The same on Debian and Ubuntu: compiler, libraries, plots, and a display for the test that opens rviz.
 common=(
   build-essential ca-certificates cmake
-  libbenchmark-dev libceres-dev libeigen3-dev libgmock-dev libgtest-dev
+  libbenchmark-dev libboost-program-options-dev libceres-dev libeigen3-dev libgmock-dev libgtest-dev
   liblz4-dev libopencv-contrib-dev libopencv-dev libyaml-cpp-dev nlohmann-json3-dev
   python3-matplotlib python3-numpy python3-yaml
   imagemagick libgl1-mesa-dri xvfb)
@@ -16,7 +16,7 @@ lint=(clang-format clang-tidy shellcheck)
 
 # Debian 12 carries ROS 1 (Noetic level) in its own archive, under /usr.
 debian=(
-  catkin libcli11-dev
+  catkin
   libactionlib-msgs-dev libclass-loader-dev libcv-bridge-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev
   libdynamic-reconfigure-config-init-mutex-dev libgeometry-msgs-dev libimage-transport-dev libnav-msgs-dev
   libnodelet-dev libnodelet-topic-tools-dev libnodeletlib-dev libnodeletlib-tools librosbag-dev
@@ -31,7 +31,6 @@ debian_lint=(catkin-lint)
 
 # Ubuntu 20.04 has it under /opt/ros/noetic, from the archive of ROS, which has to be known to apt.
 ubuntu=(
-  libcli11-dev
   ros-noetic-catkin ros-noetic-cv-bridge ros-noetic-diagnostic-msgs ros-noetic-diagnostic-updater
   ros-noetic-dynamic-reconfigure ros-noetic-geometry-msgs ros-noetic-image-transport
   ros-noetic-message-generation ros-noetic-message-runtime ros-noetic-nav-msgs ros-noetic-nodelet

@@ -18,11 +18,11 @@
 #include <variant>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <Eigen/QR>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "command_line.h"
 #include "devo/core/camera.h"
 #include "devo/core/crest_threshold.h"
 #include "devo/core/crests.h"
@@ -32,7 +32,6 @@
 #include "devo/core/time.h"
 #include "devo/io/rig_config.h"
 #include "devo/ros/bag_reader.h"
-#include "number_in.h"
 
 namespace devo {
 namespace {
@@ -385,28 +384,19 @@ void Main(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   devo::Arguments arguments;
-  CLI::App app("Estimates depth_time_offset_s and shows how silhouettes of the depth fit the events.");
-  app.add_option("--config", arguments.configs, "yaml of the rig; later files override earlier ones")->required();
-  app.add_option("--bag", arguments.bags, "recordings, read together")->required();
-  app.add_option("--out", arguments.out, "folder for alignment.csv and alignment.png, made if missing")
-      ->capture_default_str();
-  app.add_option("--set", arguments.overrides, "key=value that overrides the yaml");
-  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(devo::NumberIn(0, 1e9));
-  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(devo::NumberIn(1e-3, 1e9));
-  app.add_option("--search", arguments.search_s, "largest offset tried, seconds")
-      ->check(devo::NumberIn(0.004, 1))
-      ->capture_default_str();
-  app.add_option("--step", arguments.step_s, "between offsets tried, seconds")
-      ->check(devo::NumberIn(1e-4, 0.1))
-      ->capture_default_str();
-  app.add_option("--every", arguments.every_s, "seconds between depth images used")
-      ->check(devo::NumberIn(0, 1e6))
-      ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  devo::CommandLine line("--config RIG.yaml --bag A.bag [options]",
+                         "Estimates depth_time_offset_s and shows how silhouettes of the depth fit the events.");
+  line.Add("config", devo::Several(&arguments.configs)->required(),
+           "yaml of the rig; later files override earlier ones");
+  line.Add("bag", devo::Several(&arguments.bags)->required(), "recordings, read together");
+  line.Add("out", devo::Shown(&arguments.out), "folder for alignment.csv and alignment.png, made if missing");
+  line.Add("set", devo::Several(&arguments.overrides), "key=value that overrides the yaml");
+  line.Add("start", devo::NumberIn(&arguments.range.start_s, 0, 1e9), "skip this many seconds of events");
+  line.Add("duration", devo::NumberIn(&arguments.range.duration_s, 1e-3, 1e9), "seconds of events");
+  line.Add("search", devo::ShownNumberIn(&arguments.search_s, 0.004, 1), "largest offset tried, seconds");
+  line.Add("step", devo::ShownNumberIn(&arguments.step_s, 1e-4, 0.1), "between offsets tried, seconds");
+  line.Add("every", devo::ShownNumberIn(&arguments.every_s, 0, 1e6), "seconds between depth images used");
+  if (const auto status = line.Read(argc, argv)) return *status;
   try {
     devo::Main(arguments);
   } catch (const std::exception& error) {

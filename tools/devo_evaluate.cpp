@@ -7,10 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include <CLI/CLI.hpp>
-
+#include "command_line.h"
 #include "devo/io/evaluation.h"
-#include "number_in.h"
 
 namespace {
 
@@ -31,23 +29,19 @@ void Print(const devo::Evaluation& e) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Error of an estimated trajectory against ground truth (TUM files: t tx ty tz qx qy qz qw)."};
   std::string truth_path, estimate_path, json_path;
   devo::EvaluationOptions options;
-  app.add_option("ground_truth", truth_path, "TUM file")->required();
-  app.add_option("estimate", estimate_path, "TUM file")->required();
-  app.add_option("--json", json_path, "write the figures to this file, too ('-': to standard output, nothing else)");
-  app.add_option("--interval", options.rpe_interval_s, "seconds over which the relative error is taken")
-      ->check(devo::NumberIn(1e-3, 1e6))
-      ->capture_default_str();
-  app.add_option("--max-gap", options.max_gap_s, "ground truth is not interpolated over longer gaps, seconds")
-      ->check(devo::NumberIn(1e-6, 1e6))
-      ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  devo::CommandLine line("GROUND_TRUTH ESTIMATE [options]",
+                         "Error of an estimated trajectory against ground truth (TUM files: t tx ty tz qx qy qz qw).");
+  line.AddWords("ground_truth", devo::po::value(&truth_path)->required(), 1);
+  line.AddWords("estimate", devo::po::value(&estimate_path)->required(), 1);
+  line.Add("json", devo::po::value(&json_path),
+           "write the figures to this file, too ('-': to standard output, nothing else)");
+  line.Add("interval", devo::ShownNumberIn(&options.rpe_interval_s, 1e-3, 1e6),
+           "seconds over which the relative error is taken");
+  line.Add("max-gap", devo::ShownNumberIn(&options.max_gap_s, 1e-6, 1e6),
+           "ground truth is not interpolated over longer gaps, seconds");
+  if (const auto status = line.Read(argc, argv)) return *status;
   try {
     const devo::Evaluation result = devo::Evaluate(devo::ReadTum(truth_path), devo::ReadTum(estimate_path), options);
     if (json_path == "-") {

@@ -21,9 +21,9 @@
 #include <variant>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <opencv2/core/utility.hpp>
 
+#include "command_line.h"
 #include "devo/core/odometry.h"
 #include "devo/core/time.h"
 #include "devo/io/disturbance.h"
@@ -32,12 +32,11 @@
 #include "devo/io/run_report.h"
 #include "devo/ros/bag_reader.h"
 #include "devo/ros/read_ahead.h"
-#include "number_in.h"
 
 namespace {
 
 struct Arguments {
-  std::vector<std::string> configs, bags, overrides;
+  std::vector<std::string> configs, bags, overrides, disturbances;
   std::string out, ground_truth;
   devo::BagRange range;
   double depth_rate_hz = 0;
@@ -323,57 +322,47 @@ int RunOffline(const Arguments& arguments) {
   return 2;
 }
 
+void AddOptions(devo::CommandLine* line, Arguments* a) {
+  line->Add("config", devo::Several(&a->configs), "rig's yaml; later files override earlier ones");
+  line->Add("bag", devo::Several(&a->bags), "bags, merged by the time of their data");
+  line->Add("out", devo::po::value(&a->out), "folder for the results, made if missing");
+  line->Add("set", devo::Several(&a->overrides), "key=value that overrides the yaml, e.g. surface.rate_hz=200");
+  line->Add("start", devo::NumberIn(&a->range.start_s, 0, 1e9), "skip this many seconds of events");
+  line->Add("duration", devo::NumberIn(&a->range.duration_s, 1e-3, 1e9), "seconds of events");
+  line->Add("depth-rate", devo::NumberIn(&a->depth_rate_hz, 1e-3, 1e6),
+            "use at most this many depth images per second");
+  line->Add("groundtruth", devo::po::value(&a->ground_truth), "TUM file; else the bags' topics.ground_truth");
+  line->Add("threads", devo::ShownNumberIn(&a->threads, 1, 64),
+            "1: read and compute in turn, else at once; same result");
+  line->Add("disturb", devo::Several(&a->disturbances),
+            "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO, "
+            "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE, imu_noise=DEG_S:M_S2 (of each reading); "
+            "or of the calibration: depth_rotation=X:Y:Z, imu_rotation=X:Y:Z (deg), depth_translation=X:Y:Z, "
+            "imu_translation=X:Y:Z (m), event_focal=SHARE, "
+            "depth_focal=SHARE, gyroscope_bias=X:Y:Z (deg/s), accelerometer_bias=X:Y:Z (m/s^2), gyroscope_scale=SHARE, "
+            "accelerometer_scale=SHARE");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Depth-event visual odometry on bags: trajectory (TUM), map (PCD) and report (JSON) into a folder."};
   Arguments arguments;
   bool print_parameters = false;
-  auto* config = app.add_option("--config", arguments.configs, "rig's yaml; later files override earlier ones");
-  auto* bag = app.add_option("--bag", arguments.bags, "bags, merged by the time of their data");
-  auto* out = app.add_option("--out", arguments.out, "folder for the results, made if missing");
-  app.add_option("--set", arguments.overrides, "key=value that overrides the yaml, e.g. surface.rate_hz=200");
-  app.add_option("--start", arguments.range.start_s, "skip this many seconds of events")->check(devo::NumberIn(0, 1e9));
-  app.add_option("--duration", arguments.range.duration_s, "seconds of events")->check(devo::NumberIn(1e-3, 1e9));
-  app.add_option("--depth-rate", arguments.depth_rate_hz, "use at most this many depth images per second")
-      ->check(devo::NumberIn(1e-3, 1e6));
-  app.add_option("--groundtruth", arguments.ground_truth, "TUM file; else the bags' topics.ground_truth");
-  app.add_option("--threads", arguments.threads, "1: read and compute in turn, else at once; same result")
-      ->check(CLI::Range(1, 64))
-      ->capture_default_str();
-  app.add_option_function<std::vector<std::string>>(
-      "--disturb",
-      [&](const std::vector<std::string>& texts) {
-        for (const std::string& text : texts) {
-          try {
-            arguments.disturbance.Add(text);
-          } catch (const std::invalid_argument& e) {
-            throw CLI::ValidationError(e.what());
-          }
-        }
-      },
-      "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO, "
-      "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE, imu_noise=DEG_S:M_S2 (of each reading); "
-      "or of the calibration: depth_rotation=X:Y:Z, imu_rotation=X:Y:Z (deg), depth_translation=X:Y:Z, "
-      "imu_translation=X:Y:Z (m), event_focal=SHARE, "
-      "depth_focal=SHARE, gyroscope_bias=X:Y:Z (deg/s), accelerometer_bias=X:Y:Z (m/s^2), gyroscope_scale=SHARE, "
-      "accelerometer_scale=SHARE");
-  app.add_flag("--print-parameters", print_parameters, "print docs/parameters.md and exit");
-  try {
-    app.parse(argc, argv);
-    if (!print_parameters) {
-      for (const auto* option : {config, bag, out}) {
-        if (option->empty()) throw CLI::RequiredError(option->get_name());
-      }
-    }
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  devo::CommandLine line(
+      "--config RIG.yaml --bag A.bag --out FOLDER [options]",
+      "Depth-event visual odometry on bags: trajectory (TUM), map (PCD) and report (JSON) into a folder.");
+  AddOptions(&line, &arguments);
+  line.AddFlag("print-parameters", &print_parameters, "print docs/parameters.md and exit");
+  if (const auto status = line.Read(argc, argv)) return *status;
   if (print_parameters) {
     std::printf("%s", devo::ParametersMarkdown().c_str());
     return 0;
   }
   try {
+    for (const char* option : {"config", "bag", "out"}) {
+      if (!line.Has(option)) throw devo::po::required_option(std::string("--") + option);
+    }
+    for (const std::string& text : arguments.disturbances) arguments.disturbance.Add(text);
     return RunOffline(arguments);
   } catch (const std::exception& e) {
     std::fprintf(stderr, "devo_offline: %s\n", e.what());

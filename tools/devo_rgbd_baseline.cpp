@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <ctime>
 #include <exception>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <numeric>
@@ -23,12 +24,12 @@
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
 #include <sensor_msgs/Image.h>
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/rgbd.hpp>
 
+#include "command_line.h"
 #include "devo/core/camera.h"
 #include "devo/core/rig.h"
 #include "devo/core/time.h"
@@ -283,7 +284,7 @@ nlohmann::json Report(const std::string& name, const Arguments& arguments, const
   const bool compare = !recording.compared.empty();
   const auto common = AtCommonTimes(result.trajectory, recording.compared);
   report["evaluation"] = Judge(recording.ground_truth, compare ? common.first : result.trajectory);
-  report["compared"] = compare ? Judge(recording.ground_truth, common.second) : nullptr;
+  report["compared"] = compare ? Judge(recording.ground_truth, common.second) : nlohmann::json();
   std::printf("%-11s %3zu images, %d steps refused, median %.1f ms CPU per image", name.c_str(),
               result.trajectory.size(), result.refused, Median(result.cpu_ms));
   const auto print = [](const char* what, const nlohmann::json& e) {
@@ -299,6 +300,9 @@ nlohmann::json Report(const std::string& name, const Arguments& arguments, const
 }
 
 void Main(const Arguments& arguments) {
+  if (!std::filesystem::is_directory(arguments.out)) {
+    throw std::invalid_argument("--out '" + arguments.out + "' is no folder, expected one that exists");
+  }
   cv::setNumThreads(1);
   const Recording recording = ReadRecording(arguments, LoadRigConfig(arguments.configs));
   nlohmann::json peers;
@@ -321,18 +325,21 @@ void Main(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   devo::Arguments arguments;
-  CLI::App app(
-      "OpenCV's RGB-D odometries on the bags of devo_offline; writes icp.txt, rgbd_icp.txt, photometric.txt (TUM) and "
-      "peers.json");
-  app.add_option("--config", arguments.configs, "yaml of the rig; several: later ones override")->required();
-  app.add_option("--bag", arguments.bags, "recordings, read together")->required();
-  app.add_option("--out", arguments.out, "existing folder to write to")->check(CLI::ExistingDirectory);
-  app.add_option("--image-topic", arguments.image_topic, "frames in the event camera's image");
-  app.add_option("--depth-rate", arguments.depth_rate_hz, "use depth images at most this often, Hz");
-  app.add_option("--max-gap", arguments.max_gap_s, "largest time between a depth image and its frame, s");
-  app.add_option("--groundtruth", arguments.ground_truth_file, "TUM file in place of the bag's topic");
-  app.add_option("--compare", arguments.compare_file, "TUM file, e.g. devo_offline's, to be judged at the same times");
-  CLI11_PARSE(app, argc, argv);
+  devo::CommandLine line("--config RIG.yaml --bag A.bag [options]",
+                         "OpenCV's RGB-D odometries on the bags of devo_offline; writes icp.txt, rgbd_icp.txt, "
+                         "photometric.txt (TUM) and peers.json.");
+  line.Add("config", devo::Several(&arguments.configs)->required(), "yaml of the rig; several: later ones override");
+  line.Add("bag", devo::Several(&arguments.bags)->required(), "recordings, read together");
+  line.Add("out", devo::Shown(&arguments.out), "existing folder to write to");
+  line.Add("image-topic", devo::Shown(&arguments.image_topic), "frames in the event camera's image");
+  line.Add("depth-rate", devo::ShownNumberIn(&arguments.depth_rate_hz, 1e-3, 1e6),
+           "use depth images at most this often, Hz");
+  line.Add("max-gap", devo::ShownNumberIn(&arguments.max_gap_s, 0, 1e6),
+           "largest time between a depth image and its frame, s");
+  line.Add("groundtruth", devo::po::value(&arguments.ground_truth_file), "TUM file in place of the bag's topic");
+  line.Add("compare", devo::po::value(&arguments.compare_file),
+           "TUM file, e.g. devo_offline's, to be judged at the same times");
+  if (const auto status = line.Read(argc, argv)) return *status;
   try {
     devo::Main(arguments);
   } catch (const std::exception& error) {

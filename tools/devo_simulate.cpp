@@ -8,8 +8,7 @@
 #include <iostream>
 #include <memory>
 
-#include <CLI/CLI.hpp>
-
+#include "command_line.h"
 #include "devo/ros/sim_bag_writer.h"
 #include "devo/sim/sequence.h"
 
@@ -26,81 +25,58 @@ struct Arguments {
   bool no_frames = false, no_imu = false, quiet = false, right = false;
 };
 
-void AddOptions(CLI::App* app, Arguments* a) {
+void AddOptions(devo::CommandLine* line, Arguments* a) {
+  using devo::Shown;
   SequenceOptions& s = a->sequence;
-  app->add_option("--out", a->out, "file name without extension: OUT.bag, OUT.yaml, OUT_groundtruth.txt")
-      ->capture_default_str();
-  app->add_option("--scene", s.scene,
-                  "cali (textured boards), table (desk), sofa (living room, few edges), hall (36 m, "
-                  "for LiDAR), or a scene of your own: copy config/sim/example_scene.yaml")
-      ->capture_default_str()
-      ->group("What is seen");
-  app->add_option("--light", s.light, "bright (500 lux), darkish (100), dim (20), dark (3), hdr (dim room, one spot)")
-      ->capture_default_str()
-      ->group("What is seen");
-  app->add_option("--speed", s.speed, "slow (0.3 m/s, 30 deg/s), mid (0.8, 80) or fast (1.5, 200)")
-      ->capture_default_str()
-      ->group("Motion");
-  app->add_option(
-         "--trajectory", s.trajectory_file,
-         "instead of random motion: TUM file (t tx ty tz qx qy qz qw) with poses of the event camera (z forward, "
-         "x right, y down) in the scene's world (z up); sets the duration")
-      ->group("Motion");
-  app->add_option("--duration", s.duration_s, "seconds")->capture_default_str()->group("Motion");
-  app->add_option("--rest", s.rest_s, "seconds at rest at the begin")->capture_default_str()->group("Motion");
-  app->add_flag("--closed", s.closed, "random motion that comes back and stops where it began: for rosbag play --loop")
-      ->group("Motion");
-  app->add_option("--stop", a->stops, "stand still: BEGIN DURATION in seconds; may be repeated")
-      ->type_size(2)
-      ->group("Motion");
-  app->add_option("--seed", s.seed, "of motion and noise; the same seed gives the same bytes")
-      ->capture_default_str()
-      ->group("Motion");
-  app->add_option("--sensor", s.sensor,
-                  "gen3 (640x480), davis346, davis240, gen4 (1280x720), gen3_vector, davis346_mvsec")
-      ->capture_default_str()
-      ->group("Sensors");
-  app->add_flag("--ideal", s.ideal_pixels, "event pixels without noise, mismatch, latency or limits")->group("Sensors");
-  app->add_option("--depth", a->depth,
-                  "kinect (Azure Kinect beside the event camera, with its errors), exact (the same without), "
-                  "registered (exact, in the event camera's image), none")
-      ->capture_default_str()
-      ->group("Sensors");
-  app->add_option("--depth-rate", s.depth_rate_hz, "depth images per second")->capture_default_str()->group("Sensors");
-  app->add_option("--depth-offset", s.depth_time_offset_s, "seconds by which depth stamps are late")
-      ->capture_default_str()
-      ->group("Sensors");
-  app->add_option("--multipath", s.multipath, "strength of the depth's bias in corners, e.g. 0.2")
-      ->capture_default_str()
-      ->group("Sensors");
-  app->add_flag("--lidar", s.lidar, "add a 16-beam LiDAR")->group("Sensors");
-  app->add_option("--lidar-rate", s.lidar_rate_hz, "turns of the LiDAR per second")
-      ->check(CLI::Range(1.0, 30.0))
-      ->capture_default_str()
-      ->group("Sensors");
-  app->add_flag("--no-frames", a->no_frames, "no frames of the event camera")->group("Sensors");
-  app->add_flag("--no-imu", a->no_imu, "no IMU")->group("Sensors");
-  app->add_option("--dialect", a->dialect,
-                  "plain, mvsec or vector: topics, files and calibration as these data sets have them (and their "
-                  "sensors, unless given)")
-      ->capture_default_str()
-      ->group("Output");
-  app->add_flag("--right", a->right, "mvsec: the right camera, too (takes twice as long)")->group("Output");
-  app->add_option("--threads", s.threads, "0: one per processor; does not change the result")
-      ->capture_default_str()
-      ->group("Output");
-  app->add_flag("--quiet", a->quiet, "no progress")->group("Output");
+  line->Add("out", Shown(&a->out), "file name without extension: OUT.bag, OUT.yaml, OUT_groundtruth.txt");
+  line->BeginGroup("What is seen");
+  line->Add(
+      "scene", Shown(&s.scene),
+      "cali (textured boards), table (desk), sofa (living room, few edges), hall (36 m, for LiDAR), or a scene of "
+      "your own: copy config/sim/example_scene.yaml");
+  line->Add("light", Shown(&s.light), "bright (500 lux), darkish (100), dim (20), dark (3), hdr (dim room, one spot)");
+  line->BeginGroup("Motion");
+  line->Add("speed", Shown(&s.speed), "slow (0.3 m/s, 30 deg/s), mid (0.8, 80) or fast (1.5, 200)");
+  line->Add("trajectory", devo::po::value(&s.trajectory_file),
+            "instead of random motion: TUM file (t tx ty tz qx qy qz qw) with poses of the event camera (z forward, x "
+            "right, y down) in the scene's world (z up); sets the duration");
+  line->Add("duration", Shown(&s.duration_s), "seconds");
+  line->Add("rest", Shown(&s.rest_s), "seconds at rest at the begin");
+  line->AddFlag("closed", &s.closed, "random motion that comes back and stops where it began: for rosbag play --loop");
+  line->Add("stop", devo::Several(&a->stops), "stand still: BEGIN DURATION in seconds; may be repeated");
+  line->Add("seed", devo::ShownNumberIn(&s.seed, 0, 9e15), "of motion and noise; the same seed gives the same bytes");
+  line->BeginGroup("Sensors");
+  line->Add("sensor", Shown(&s.sensor),
+            "gen3 (640x480), davis346, davis240, gen4 (1280x720), gen3_vector, davis346_mvsec");
+  line->AddFlag("ideal", &s.ideal_pixels, "event pixels without noise, mismatch, latency or limits");
+  line->Add("depth", Shown(&a->depth),
+            "kinect (Azure Kinect beside the event camera, with its errors), exact (the same without), registered "
+            "(exact, in the event camera's image), none");
+  line->Add("depth-rate", Shown(&s.depth_rate_hz), "depth images per second");
+  line->Add("depth-offset", Shown(&s.depth_time_offset_s), "seconds by which depth stamps are late");
+  line->Add("multipath", Shown(&s.multipath), "strength of the depth's bias in corners, e.g. 0.2");
+  line->AddFlag("lidar", &s.lidar, "add a 16-beam LiDAR");
+  line->Add("lidar-rate", devo::ShownNumberIn(&s.lidar_rate_hz, 1, 30), "turns of the LiDAR per second");
+  line->AddFlag("no-frames", &a->no_frames, "no frames of the event camera");
+  line->AddFlag("no-imu", &a->no_imu, "no IMU");
+  line->BeginGroup("Output");
+  line->Add("dialect", Shown(&a->dialect),
+            "plain, mvsec or vector: topics, files and calibration as these data sets have them (and their sensors, "
+            "unless given)");
+  line->AddFlag("right", &a->right, "mvsec: the right camera, too (takes twice as long)");
+  line->Add("threads", devo::ShownNumberIn(&s.threads, 0, 64), "0: one per processor; does not change the result");
+  line->AddFlag("quiet", &a->quiet, "no progress");
 }
 
 /// What a data set's rig has, where the user did not say otherwise.
-void ApplyDialect(const CLI::App& app, Arguments* a) {
+void ApplyDialect(const devo::CommandLine& line, Arguments* a) {
   const devo::BagDialect dialect = devo::BagDialectOf(a->dialect);
   if (dialect == devo::BagDialect::kPlain) return;
   const bool mvsec = dialect == devo::BagDialect::kMvsec;
-  if (app.count("--sensor") == 0) a->sequence.sensor = mvsec ? "davis346_mvsec" : "gen3_vector";
-  if (app.count("--depth") == 0 && mvsec) a->depth = "registered";
-  if (app.count("--depth-rate") == 0 && mvsec) a->sequence.depth_rate_hz = 20;
-  if (app.count("--lidar-rate") == 0 && mvsec) a->sequence.lidar_rate_hz = 20;
+  if (!line.Has("sensor")) a->sequence.sensor = mvsec ? "davis346_mvsec" : "gen3_vector";
+  if (!line.Has("depth") && mvsec) a->depth = "registered";
+  if (!line.Has("depth-rate") && mvsec) a->sequence.depth_rate_hz = 20;
+  if (!line.Has("lidar-rate") && mvsec) a->sequence.lidar_rate_hz = 20;
   a->sequence.lidar = true;
   a->sequence.T_event_imu =
       mvsec ? devo::sim::ImuInDavis()
@@ -112,8 +88,8 @@ void ApplyDialect(const CLI::App& app, Arguments* a) {
 }
 
 /// A given motion is simulated to its end, unless the user says how long.
-void ApplyTrajectory(const CLI::App& app, SequenceOptions* s) {
-  if (s->trajectory_file.empty() || app.count("--duration") > 0) return;
+void ApplyTrajectory(const devo::CommandLine& line, SequenceOptions* s) {
+  if (s->trajectory_file.empty() || line.Has("duration")) return;
   devo::sim::Trajectory motion = devo::sim::TrajectoryFromTum(s->trajectory_file);
   motion.SetPauses(s->rest_s, {});
   s->duration_s = motion.duration_s();
@@ -133,6 +109,10 @@ SequenceOptions Finish(Arguments* a) {
   } else {
     throw std::invalid_argument("--depth '" + a->depth +
                                 "' is not known; expected one of kinect, exact, registered, none");
+  }
+  if (a->stops.size() % 2 != 0) {
+    throw std::invalid_argument("--stop has " + std::to_string(a->stops.size()) +
+                                " numbers, expected two each time: BEGIN DURATION in seconds");
   }
   for (std::size_t i = 0; i + 1 < a->stops.size(); i += 2) s.stops.push_back({a->stops[i], a->stops[i + 1]});
   s.frames = !a->no_frames;
@@ -197,27 +177,24 @@ void Run(Arguments* arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app(
+  devo::CommandLine line(
+      "[options]",
       "Simulates an event camera with a depth camera, frames, IMU and ground truth in a synthetic scene and writes ROS "
-      "bags.");
-  app.footer(
+      "bags.",
+      "\n"
       "First steps (1 s of 640x480 takes some 15 s on two cores, of davis240 3 s):\n"
       "  devo_simulate --scene table --sensor davis240 --duration 4 --out /tmp/table\n"
       "  devo_offline --config /tmp/table.yaml --bag /tmp/table.bag --out /tmp/result\n"
       "  devo_evaluate /tmp/table_groundtruth.txt /tmp/result/trajectory.txt\n"
       "  roslaunch devo replay.launch config:=/tmp/table.yaml bag:=/tmp/table.bag\n"
       "More: --scene sofa --light dark --speed fast is hard; --ideal --depth exact is as easy as it gets;\n"
-      "--dialect mvsec or vector writes a data set's files. Models and their sources: docs/simulation.md");
+      "--dialect mvsec or vector writes a data set's files. Models and their sources: docs/simulation.md\n");
   Arguments arguments;
-  AddOptions(&app, &arguments);
+  AddOptions(&line, &arguments);
+  if (const auto status = line.Read(argc, argv)) return *status;
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
-  try {
-    ApplyDialect(app, &arguments);
-    ApplyTrajectory(app, &arguments.sequence);
+    ApplyDialect(line, &arguments);
+    ApplyTrajectory(line, &arguments.sequence);
     Run(&arguments);
   } catch (const std::exception& e) {
     std::cerr << "devo_simulate: " << e.what() << '\n';

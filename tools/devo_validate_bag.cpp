@@ -6,24 +6,22 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
-
+#include "command_line.h"
 #include "devo/io/rig_config.h"
 #include "devo/ros/bag_validation.h"
 
 int main(int argc, char** argv) {
-  CLI::App app{
-      "Explains bags: topics for each role, rates, stamps, encodings, calibration, overlap, and what to change."};
   std::vector<std::string> bags, configs, overrides;
-  app.footer("Exit status: 0 usable, 1 problems found, 2 not readable.");
-  app.add_option("bags", bags, "bags of one recording")->required();
-  app.add_option("--config", configs, "rig's yaml; without one, topics are found by their type");
-  app.add_option("--set", overrides, "key=value that overrides the yaml");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  devo::CommandLine line("BAG... [options]",
+                         "Explains the bags of one recording: topics for each role, rates, stamps, encodings, "
+                         "calibration, overlap, and what "
+                         "to change.",
+                         "\nExit status: 0 usable, 1 problems found, 2 not readable.\n");
+  line.AddWords("bag", devo::Several(&bags)->required(), -1);
+  line.Add("config", devo::Several(&configs),
+           "rig's yaml, later ones override earlier ones; without one, topics are found by their type");
+  line.Add("set", devo::Several(&overrides), "key=value that overrides the yaml");
+  if (const auto status = line.Read(argc, argv)) return *status;
   try {
     const bool has_config = !configs.empty() || !overrides.empty();
     const devo::BagValidation result = devo::ValidateBags(

@@ -145,7 +145,7 @@ std::vector<Rigid3> DepthKeyframes::StartsFor(const Keyframe& keyframe, const Vi
 
 std::optional<DepthKeyframes::Found> DepthKeyframes::FindLost(const DepthCells& now, const View& view,
                                                               std::int64_t t_ns) {
-  const auto found = Find(now, view);
+  auto found = Find(now, view);
   if (found && found->pose.confirmed) return found;
   if (SecondsFromNs(t_ns - searched_ns_) < kSearchEvery_s) return std::nullopt;
   searched_ns_ = t_ns;

@@ -11,10 +11,10 @@ common=(
   libbenchmark-dev libboost-program-options-dev libceres-dev libeigen3-dev libgmock-dev libgtest-dev
   liblz4-dev libopencv-contrib-dev libopencv-dev libyaml-cpp-dev nlohmann-json3-dev
   python3-matplotlib python3-numpy python3-yaml
-  imagemagick libgl1-mesa-dri xvfb)
+  imagemagick libgl1-mesa-dri xauth xvfb)
 lint=(clang-format clang-tidy shellcheck)
 
-# Debian 12 carries ROS 1 (Noetic level) in its own archive, under /usr.
+# Debian 12 and 11 carry ROS 1 (Noetic level) in their own archives, under /usr.
 debian=(
   catkin
   libactionlib-msgs-dev libclass-loader-dev libcv-bridge-dev libdiagnostic-msgs-dev libdiagnostic-updater-dev
@@ -67,7 +67,7 @@ find_missing() {
 }
 
 if ! command -v apt-get > /dev/null || ! command -v dpkg-query > /dev/null; then
-  die "no apt-get here; only Debian 12 and Ubuntu 20.04 (or their derivatives) are supported"
+  die "no apt-get here; only Debian 12, Debian 11 and Ubuntu 20.04 (or their derivatives) are supported"
 fi
 
 packages=("${common[@]}")
@@ -93,7 +93,7 @@ for package in "${missing[@]}"; do
   [ -n "$(apt-cache --names-only search "^${package}\$")" ] || unknown+=("$package")
 done
 [ -z "${unknown[*]:-}" ] || die "apt does not know: ${unknown[*]}
-expected Debian 12 (ROS 1 in its own archive) or Ubuntu 20.04 with the archive of ROS noetic added to apt"
+expected Debian 12 or 11 (ROS 1 in its own archive) or Ubuntu 20.04 with the archive of ROS noetic added to apt"
 log=$(mktemp)
 if ! as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
   < /dev/null > "$log" 2>&1; then

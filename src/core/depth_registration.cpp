@@ -87,6 +87,13 @@ Cluster Foreground(Neighbour* first, Neighbour* last, bool without_flying) {
   return {last, last, 0, 0};
 }
 
+/// Whether readings in these quadrants (a bit each: 1 left above, 2 right above, 4 left below, 8 right below) lie on
+/// opposite sides: more than one quadrant, and not two beside each other.
+bool LieAround(int quadrants) {
+  return (quadrants & (quadrants - 1)) != 0 && quadrants != 0b0011 && quadrants != 0b1100 && quadrants != 0b0101 &&
+         quadrants != 0b1010;
+}
+
 /// A row of a depth image and the rays of its pixels.
 struct DepthRow {
   const float *z, *ray_x, *ray_y;
@@ -307,9 +314,8 @@ void DepthRegistration::FetchReadings(const EdgePoint& edge) const {
   }
 }
 
-std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, float y) const {
-  std::array<Neighbour, kMaxReadings> around;
-  std::size_t count = 0;
+template <typename Visit>
+void DepthRegistration::ForReadingsAround(float x, float y, const Visit& visit) const {
   const int reach = static_cast<int>(std::ceil(radius_px_));
   const int x_px = static_cast<int>(x + 0.5F), y_px = static_cast<int>(y + 0.5F);
   const float radius2 = radius_px_ * radius_px_;
@@ -326,12 +332,21 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
     const int* first = first_[row];
     for (int column = x0; column <= x1; ++column) {
       if (row_gap2 + column_gap2[column - x0] > radius2) continue;
-      for (int i = first[column]; i >= 0 && count < kMaxReadings; i = readings_[i].next) {
+      for (int i = first[column]; i >= 0; i = readings_[i].next) {
         const float dx = readings_[i].u - x, dy = readings_[i].v - y;
-        if (dx * dx + dy * dy <= radius2) around[count++] = {dx, dy, readings_[i].z};
+        if (dx * dx + dy * dy <= radius2 && !visit(dx, dy, readings_[i].z)) return;
       }
     }
   }
+}
+
+std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, float y) const {
+  std::array<Neighbour, kMaxReadings> around;
+  std::size_t count = 0;
+  ForReadingsAround(x, y, [&around, &count](float dx, float dy, float z) {
+    around[count++] = {dx, dy, z};
+    return count < kMaxReadings;
+  });
   if (count < kMinReadings) return std::nullopt;
   const auto [begin, end, nearest_m, farthest_m] =
       Foreground(around.data(), around.data() + count, options_.ideas.flying_pixels);
@@ -345,11 +360,9 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
     sum += n->z;
   }
   const float one_of = 1.0F / static_cast<float>(end - begin), mean = sum * one_of;
-  const bool surrounded = (quadrants & (quadrants - 1)) != 0 && quadrants != 0b0011 && quadrants != 0b1100 &&
-                          quadrants != 0b0101 && quadrants != 0b1010;
   const bool silhouette = end < around.data() + count;
   // Not surrounded, the edge is a silhouette (readings of the background beyond) or beside a hole.
-  if (options_.ideas.surrounded_depth && !surrounded && nearest2 > 0.25F * radius_px_ * radius_px_ + 0.5F)
+  if (options_.ideas.surrounded_depth && !LieAround(quadrants) && nearest2 > 0.25F * radius_px_ * radius_px_ + 0.5F)
     return std::nullopt;
   float squares = 0;
   for (const Neighbour* n = begin; n != end; ++n) squares += (n->z - mean) * (n->z - mean);

@@ -67,7 +67,7 @@ void Mapper::Reset() {
   poses_.Clear();
   velocity_.setZero();
   velocity_of_poses_ = false;
-  lost_ = found_by_depth_ = false;
+  lost_ = false;
   delays_ = SensorDelays();
   sure_ = trackable_ = begin_chapter_ = false;
   map_.Clear();
@@ -168,35 +168,36 @@ void Mapper::ForgetSurfacesBefore(const SurfacePtr& surface) {
 
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
-  changed |= rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
+  const Change by_depth = rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
+  changed |= by_depth.any;
   changed |= map_.empty() && BeginFromRest();
   changed |= ObserveBetweenDepths();
-  return changed || ViewMoved() ? MakeLocalMap() : nullptr;
+  return changed || ViewMoved() ? MakeLocalMap(by_depth.found) : nullptr;
 }
 
-bool Mapper::UpdateFromDepth() {
-  bool changed = false;
+Mapper::Change Mapper::UpdateFromDepth() {
+  Change change;
   while (!depths_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= depths_.front().t_ns) {
     const DepthImage& depth = depths_.front();
     // With a map, wait for the pose of the surface.
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
-    const auto T_moved_world = AlignDepth(depth);
+    const auto move = AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     bool added = false;
-    if (T_moved_world && apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
+    if (move && apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
       if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
       const bool first = map_.empty();
-      added = Process(depth, surface, *T_moved_world, &counters_);
+      added = Process(depth, surface, *move, &counters_);
       if (first && !map_.empty()) first_depth_ = {depth, false};
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
-    changed |= added;
-    found_by_depth_ = found_by_depth_ && added;
-    if (found_by_depth_) break;  // poses are to begin anew
+    change.any |= added;
+    change.found = added && move->found;
+    if (change.found) break;
   }
-  return changed;
+  return change;
 }
 
 DepthKeyframes::View Mapper::ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const {
@@ -224,27 +225,26 @@ void Mapper::KeepFirstDepth() {
   depth_keyframes_.KeepFirst(first->depth, ViewAt(first->depth.t_ns, *T_world_then), !first->of_rest);
 }
 
-std::optional<Rigid3> Mapper::AlignDepth(const DepthImage& depth) {
-  found_by_depth_ = false;
-  if (!options_.mapping.align_depth || map_.empty()) return Rigid3();
+std::optional<Mapper::Move> Mapper::AlignDepth(const DepthImage& depth) {
+  if (!options_.mapping.align_depth || map_.empty()) return Move();
   KeepFirstDepth();
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
-  if (!T_world_then) return Rigid3();
+  if (!T_world_then) return Move();
   if (depth_repeats_.IsRepeat(depth.depth_m, *T_world_then)) {
     ++counters_.depth_repeated;
     return std::nullopt;
   }
   auto pose = depth_keyframes_.Align(depth, ViewAt(depth.t_ns, *T_world_then));
   counters_.depth_jumps = depth_keyframes_.jumps();
-  if (!pose) return Rigid3();
+  if (!pose) return Move();
   ++counters_.depth_aligned;
   pose->t_ns = depth.t_ns;
   pose->epoch = epoch_;
   depth_poses_.push_back(*pose);
-  found_by_depth_ = lost_ && pose->confirmed;
-  const Rigid3 T_world_event = found_by_depth_ ? pose->T_world_event : Corrected(*T_world_then, covariance_, *pose);
+  const bool found = lost_ && pose->confirmed;
+  const Rigid3 T_world_event = found ? pose->T_world_event : Corrected(*T_world_then, covariance_, *pose);
   depth_repeats_.Note(depth.depth_m, T_world_event, *pose);
-  return T_world_event * T_world_then->inverse();
+  return Move{T_world_event * T_world_then->inverse(), found};
 }
 
 bool Mapper::BeginFromRest() {
@@ -252,15 +252,15 @@ bool Mapper::BeginFromRest() {
   for (const SurfacePtr& surface : surfaces_) {
     if (!depth_of_rest_.Fits(*surface)) continue;
     MappingCounters again;  // the image was counted when it came
-    if (!Process(*depth_of_rest_.depth(), surface, Rigid3(), &again)) continue;
+    if (!Process(*depth_of_rest_.depth(), surface, Move(), &again)) continue;
     first_depth_ = {*depth_of_rest_.depth(), true};
     return true;
   }
   return false;
 }
 
-bool Mapper::UpdateFromSweeps() {
-  bool changed = false;
+Mapper::Change Mapper::UpdateFromSweeps() {
+  Change change;
   while (!sweeps_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= sweeps_.front().end_ns) {
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
     const LidarSweep sweep = std::move(sweeps_.front());
@@ -271,12 +271,12 @@ bool Mapper::UpdateFromSweeps() {
     if (surface) ForgetSurfacesBefore(surface);
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
     if (depth) {
-      changed |= Process(*depth, surface, Rigid3(), &counters_);
+      change.any |= Process(*depth, surface, Move(), &counters_);
     } else {
       ++counters_.depth_without_valid_pixel;
     }
   }
-  return changed;
+  return change;
 }
 
 std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface& surface) {
@@ -293,13 +293,12 @@ std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface
   return lidar_depth_;
 }
 
-bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world,
-                     MappingCounters* of_depth) {
+bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const Move& move, MappingCounters* of_depth) {
   Rigid3 T_world_event, T_surface_depthtime;
   if (!map_.empty()) {
     const auto T_world_surface = poses_.At(surface->t_edges_ns, 0.05), T_world_then = poses_.At(depth.t_ns, 0.05);
     if (!T_world_surface || !T_world_then) return false;
-    T_world_event = T_moved_world * *T_world_surface;
+    T_world_event = move.T_moved_world * *T_world_surface;
     if (options_.mapping.ideas.move_depth) T_surface_depthtime = T_world_surface->inverse() * *T_world_then;
   }
   const int readings = registration_.Warp(depth, T_surface_depthtime * rig_.T_event_depth, surface->edges);
@@ -318,7 +317,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const R
     occluder_.reset();
   }
   if (surface->still || (map_.empty() && surface->maybe_noise)) return false;
-  if (found_by_depth_) return AddAll(*surface, T_world_event);
+  if (move.found) return AddAll(*surface, T_world_event);
   if (begin_chapter_) return BeginChapter(*surface, T_world_event);
   if (!map_.empty() && !trackable_) return false;
 
@@ -489,10 +488,10 @@ bool Mapper::ViewMoved() const {
          RotationAngle(T_local_event) > kViewAngle_rad;
 }
 
-LocalMapPtr Mapper::MakeLocalMap() {
+LocalMapPtr Mapper::MakeLocalMap(bool found_by_depth) {
   auto local = std::make_shared<LocalMap>();
-  local->found_by_depth = std::exchange(found_by_depth_, false);
-  const bool of_reference = poses_.empty() || local->found_by_depth;
+  local->found_by_depth = found_by_depth;
+  const bool of_reference = poses_.empty() || found_by_depth;
   local->T_world_ref = of_reference ? map_.references().back().T_world_ref : poses_.last();
   local->t_ns = of_reference ? map_.references().back().t_ns : poses_.last_time_ns();
   local->epoch = epoch_;

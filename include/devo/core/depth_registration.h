@@ -73,6 +73,9 @@ class DepthRegistration {
   /// Of the neighbourhood of an edge, by how densely the image holds readings.
   float RadiusFor(const cv::Mat1f& depth_m) const;
   void MarkNeighbourhoods(const std::vector<EdgePoint>& edges);
+  /// Calls `visit(dx, dy, z)` for the listed readings of an edge's neighbourhood, until it returns false.
+  template <typename Visit>
+  void ForReadingsAround(float x, float y, const Visit& visit) const;
   void FetchLists(const EdgePoint& edge) const;
   void FetchReadings(const EdgePoint& edge) const;
 

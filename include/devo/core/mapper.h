@@ -81,21 +81,29 @@ class Mapper {
   /// Depth comes in the order of its time: what comes after this surface's is nearer to none before it. Surfaces are
   /// large, and their memory is better used while it is still in a near cache.
   void ForgetSurfacesBefore(const SurfacePtr& surface);
-  bool UpdateFromDepth();
-  bool UpdateFromSweeps();
+  /// What new depth did to the map.
+  struct Change {
+    bool any = false;
+    bool found = false;  ///< it is of a place where depth found a lost camera: poses are to begin anew there
+  };
+  Change UpdateFromDepth();
+  Change UpdateFromSweeps();
   /// The first map, of the depth of the rest before the first motion.
   bool BeginFromRest();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
   /// Of the first map, for later images to be aligned to, as soon as poses tell where it was made.
   void KeepFirstDepth();
   DepthKeyframes::View ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const;
-  /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image. Empty
-  /// where that is not of its time.
-  std::optional<Rigid3> AlignDepth(const DepthImage& depth);
-  /// Puts what it adds to the map where tracking will be after `T_moved_world`: from where it was, the map would pull
-  /// poses back. `of_depth`: where the image is counted.
-  bool Process(const DepthImage& depth, const SurfacePtr& surface, const Rigid3& T_moved_world,
-               MappingCounters* of_depth);
+  /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image.
+  struct Move {
+    Rigid3 T_moved_world;
+    bool found = false;  ///< the camera was lost, and the image tells where it is
+  };
+  /// Empty where the image is not of its time.
+  std::optional<Move> AlignDepth(const DepthImage& depth);
+  /// Puts what it adds to the map where tracking will be after the move: from where it was, the map would pull poses
+  /// back. `of_depth`: where the image is counted.
+  bool Process(const DepthImage& depth, const SurfacePtr& surface, const Move& move, MappingCounters* of_depth);
   /// A reference of the edges that the map does not explain. Returns whether there were enough with depth for it.
   bool AddReference(const Surface& surface, const Rigid3& T_world_event, const std::vector<bool>& explained);
   /// The same of all edges, whatever the map has.
@@ -123,7 +131,7 @@ class Mapper {
   /// Returns whether there were enough edges with depth for it.
   bool BeginChapter(const Surface& surface, const Rigid3& T_world_event);
   MapPoint MakePoint(const EdgePoint& edge, float z_m, double window_s) const;
-  LocalMapPtr MakeLocalMap();
+  LocalMapPtr MakeLocalMap(bool found_by_depth);
 
   Rig rig_;  // with the depth images' camera and pose
   OdometryOptions options_;
@@ -153,7 +161,6 @@ class Mapper {
   double read_share_ = 0;                   // of the last depth image, that is a measurement
   bool sure_ = false;                       // of the newest pose: the map may grow from it where nothing was measured
   bool trackable_ = false, lost_ = false, begin_chapter_ = false;
-  bool found_by_depth_ = false;                     // the last depth image told where the camera is, that was lost
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
   Rigid3 T_world_refined_;                          // view that refined the map last

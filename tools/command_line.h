@@ -29,12 +29,17 @@ po::typed_value<std::vector<T>>* Several(std::vector<T>* values) {
   return po::value(values)->composing()->multitoken();
 }
 
-/// Value that --help shows as it stands before the command line is read.
+/// Has --help show the value as it stands before the command line is read.
+template <typename T>
+po::typed_value<T>* WithDefault(po::typed_value<T>* option, const T& value) {
+  std::ostringstream text;  // Boost's own would be 0.29999999999999999
+  text << value;
+  return option->default_value(value, text.str());
+}
+
 template <typename T>
 po::typed_value<T>* Shown(T* value) {
-  std::ostringstream text;  // Boost's own would be 0.29999999999999999
-  text << *value;
-  return po::value(value)->default_value(*value, text.str());
+  return WithDefault(po::value(value), *value);
 }
 
 /// A number from `min` to `max`. Boost's own let NaN through, and have no end, so that a time overflows as nanoseconds.
@@ -69,9 +74,7 @@ po::typed_value<T>* NumberIn(T* value, double min, double max) {
 
 template <typename T>
 po::typed_value<T>* ShownNumberIn(T* value, double min, double max) {
-  std::ostringstream text;
-  text << *value;
-  return NumberIn(value, min, max)->default_value(*value, text.str());
+  return WithDefault(NumberIn(value, min, max), *value);
 }
 
 class CommandLine {

@@ -135,8 +135,6 @@ class CommandLine {
         throw std::invalid_argument("option '--" + option.string_key + "' has no value before '" +
                                     option.value.front() + "'");
       }
-    }
-    for (const po::option& option : parsed.options) {
       if (option.string_key == "stray") throw std::invalid_argument("'" + option.value.front() + "' is no option");
     }
     po::store(parsed, values_);

@@ -14,8 +14,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> bags, configs, overrides;
   devo::CommandLine line("BAG... [options]",
                          "Explains the bags of one recording: topics for each role, rates, stamps, encodings, "
-                         "calibration, overlap, and what "
-                         "to change.",
+                         "calibration, overlap, and what to change.",
                          "\nExit status: 0 usable, 1 problems found, 2 not readable.\n");
   line.AddWords("bag", devo::Several(&bags)->required(), -1);
   line.Add("config", devo::Several(&configs),

@@ -168,7 +168,7 @@ void Mapper::ForgetSurfacesBefore(const SurfacePtr& surface) {
 
 LocalMapPtr Mapper::Update() {
   bool changed = options_changed_ && !map_.empty();
-  const Change by_depth = rig_.depth_from_lidar ? UpdateFromSweeps() : UpdateFromDepth();
+  const Change by_depth = rig_.depth_from_lidar ? Change{UpdateFromSweeps(), false} : UpdateFromDepth();
   changed |= by_depth.any;
   changed |= map_.empty() && BeginFromRest();
   changed |= ObserveBetweenDepths();
@@ -259,8 +259,8 @@ bool Mapper::BeginFromRest() {
   return false;
 }
 
-Mapper::Change Mapper::UpdateFromSweeps() {
-  Change change;
+bool Mapper::UpdateFromSweeps() {
+  bool changed = false;
   while (!sweeps_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= sweeps_.front().end_ns) {
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
     const LidarSweep sweep = std::move(sweeps_.front());
@@ -271,12 +271,12 @@ Mapper::Change Mapper::UpdateFromSweeps() {
     if (surface) ForgetSurfacesBefore(surface);
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
     if (depth) {
-      change.any |= Process(*depth, surface, Move(), &counters_);
+      changed |= Process(*depth, surface, Move(), &counters_);
     } else {
       ++counters_.depth_without_valid_pixel;
     }
   }
-  return change;
+  return changed;
 }
 
 std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface& surface) {

@@ -87,7 +87,7 @@ class Mapper {
     bool found = false;  ///< it is of a place where depth found a lost camera: poses are to begin anew there
   };
   Change UpdateFromDepth();
-  Change UpdateFromSweeps();
+  bool UpdateFromSweeps();
   /// The first map, of the depth of the rest before the first motion.
   bool BeginFromRest();
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);

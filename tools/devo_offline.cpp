@@ -2,7 +2,6 @@
 //
 // The odometry on recorded bags, as fast as it can, without a roscore.
 #include <sys/resource.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,12 +10,14 @@
 #include <cstdio>
 #include <ctime>
 #include <deque>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -298,13 +299,11 @@ class Run {
 };
 
 void MakeDirectory(const std::string& path) {
-  for (std::size_t slash = path.find('/', 1);; slash = path.find('/', slash + 1)) {
-    mkdir(path.substr(0, slash).c_str(), 0777);  // those that exist already fail, harmlessly
-    if (slash == std::string::npos) break;
-  }
-  struct stat status {};
-  if (stat(path.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
-    throw std::runtime_error("'" + path + "': cannot be made, expected a folder that can be written");
+  std::error_code failed;
+  std::filesystem::create_directories(path, failed);
+  if (failed) {
+    throw std::runtime_error("'" + path +
+                             "': cannot be made, expected a folder that can be written: " + failed.message());
   }
 }
 

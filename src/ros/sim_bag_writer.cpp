@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/ros/sim_bag_writer.h"
 
-#include <sys/stat.h>
-
-#include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <stdexcept>
+#include <system_error>
 
 #include <rosbag/bag.h>
 #include <sensor_msgs/image_encodings.h>
@@ -150,9 +149,9 @@ void WriteSimText(const std::string& path, const std::string& text) {
 }
 
 void MakeSimDirectory(const std::string& path) {
-  if (mkdir(path.c_str(), 0777) != 0 && errno != EEXIST) {
-    throw std::runtime_error("directory '" + path + "' cannot be made: " + std::strerror(errno));
-  }
+  std::error_code failed;
+  std::filesystem::create_directories(path, failed);
+  if (failed) throw std::runtime_error("directory '" + path + "' cannot be made: " + failed.message());
 }
 
 sensor_msgs::CameraInfo ToCameraInfoMsg(const Camera& c, std::int64_t t_ns, const std::string& frame_id) {

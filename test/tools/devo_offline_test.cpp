@@ -186,6 +186,11 @@ TEST_F(DevoOffline, NamesTheFileThatIsMissing) {
   EXPECT_THAT(nothing.err, HasSubstr("--config"));
 }
 
+TEST_F(DevoOffline, NamesTheFolderForResultsThatCannotBeMade) {
+  std::ofstream(folder_ + "/out") << "a file, where a folder is asked for";
+  ExpectRefused(Run(), AllOf(HasSubstr(folder_ + "/out"), HasSubstr("expected a folder that can be written")));
+}
+
 TEST_F(DevoOffline, RefusesABagThatIsGivenTwice) {
   TinyRecording().Write(Bag());
   ExpectRefused(Run("--bag " + folder_ + "/./a.bag"), HasSubstr("/./a.bag': given twice"));

@@ -9,11 +9,9 @@
 #include <cstdio>
 #include <deque>
 #include <exception>
-#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <variant>
 #include <vector>
@@ -30,6 +28,7 @@
 #include "devo/core/rig.h"
 #include "devo/core/silhouettes.h"
 #include "devo/core/time.h"
+#include "devo/io/output_folder.h"
 #include "devo/io/rig_config.h"
 #include "devo/ros/bag_reader.h"
 
@@ -340,7 +339,6 @@ void Report(const Arguments& arguments, const RigConfig& config, const Checker& 
   if (curve.matched[best] < 0.2 * curve.points) {
     std::printf("warning: most silhouettes lie beside the events even there: check intrinsics and T_event_depth\n");
   }
-  std::filesystem::create_directories(arguments.out);
   WriteCsv(arguments.out + "/alignment.csv", curve);
   WritePicture(arguments.out + "/alignment.png", checker);
   std::printf("curve and picture    %s/alignment.csv, alignment.png\n", arguments.out.c_str());
@@ -356,6 +354,7 @@ void Main(const Arguments& arguments) {
   if (arguments.step_s > arguments.search_s) {
     throw std::invalid_argument("--step is wider than --search: only one offset would be tried, expected less");
   }
+  MakeOutputFolder(arguments.out);
   BagReader reader(arguments.bags, config, arguments.range);
   Rig rig = reader.ReadRig();
   if (rig.depth_registered) {

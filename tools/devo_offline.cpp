@@ -10,14 +10,12 @@
 #include <cstdio>
 #include <ctime>
 #include <deque>
-#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -28,6 +26,7 @@
 #include "devo/core/odometry.h"
 #include "devo/core/time.h"
 #include "devo/io/disturbance.h"
+#include "devo/io/output_folder.h"
 #include "devo/io/point_cloud_file.h"
 #include "devo/io/rig_config.h"
 #include "devo/io/run_report.h"
@@ -298,18 +297,9 @@ class Run {
   devo::Trajectory truth_;
 };
 
-void MakeDirectory(const std::string& path) {
-  std::error_code failed;
-  std::filesystem::create_directories(path, failed);
-  if (failed) {
-    throw std::runtime_error("'" + path +
-                             "': cannot be made, expected a folder that can be written: " + failed.message());
-  }
-}
-
 int RunOffline(const Arguments& arguments) {
   cv::setNumThreads(arguments.threads);
-  MakeDirectory(arguments.out);
+  devo::MakeOutputFolder(arguments.out);
   Run run(arguments);
   run.Process();
   run.Write();

@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <ctime>
 #include <exception>
-#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <numeric>
@@ -34,6 +33,7 @@
 #include "devo/core/rig.h"
 #include "devo/core/time.h"
 #include "devo/io/evaluation.h"
+#include "devo/io/output_folder.h"
 #include "devo/io/rig_config.h"
 #include "devo/io/trajectory.h"
 #include "devo/ros/bag_reader.h"
@@ -300,9 +300,7 @@ nlohmann::json Report(const std::string& name, const Arguments& arguments, const
 }
 
 void Main(const Arguments& arguments) {
-  if (!std::filesystem::is_directory(arguments.out)) {
-    throw std::invalid_argument("--out '" + arguments.out + "' is no folder, expected one that exists");
-  }
+  MakeOutputFolder(arguments.out);
   cv::setNumThreads(1);
   const Recording recording = ReadRecording(arguments, LoadRigConfig(arguments.configs));
   nlohmann::json peers;
@@ -330,7 +328,7 @@ int main(int argc, char** argv) {
                          "photometric.txt (TUM) and peers.json.");
   line.Add("config", devo::Several(&arguments.configs)->required(), "yaml of the rig; several: later ones override");
   line.Add("bag", devo::Several(&arguments.bags)->required(), "recordings, read together");
-  line.Add("out", devo::Shown(&arguments.out), "existing folder to write to");
+  line.Add("out", devo::Shown(&arguments.out), "folder to write to, made if missing");
   line.Add("image-topic", devo::Shown(&arguments.image_topic), "frames in the event camera's image");
   line.Add("depth-rate", devo::ShownNumberIn(&arguments.depth_rate_hz, 1e-3, 1e6),
            "use depth images at most this often, Hz");

@@ -17,8 +17,6 @@ ros::Time SimStamp(std::int64_t t_ns);
 /// Throws std::runtime_error naming the file.
 void OpenSimBag(const std::string& path, rosbag::compression::CompressionType compression, rosbag::Bag* bag);
 void WriteSimText(const std::string& path, const std::string& text);
-/// Makes a directory unless it is there; throws std::runtime_error naming it.
-void MakeSimDirectory(const std::string& path);
 
 std::unique_ptr<SimBagWriter> MakeMvsecWriter(const std::string& stem, const sim::Sequence& sequence,
                                               const sim::Sequence* right);

@@ -3,11 +3,9 @@
 
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <stdexcept>
-#include <system_error>
 
 #include <rosbag/bag.h>
 #include <sensor_msgs/image_encodings.h>
@@ -146,12 +144,6 @@ void WriteSimText(const std::string& path, const std::string& text) {
   std::ofstream file(path);
   file << text;
   if (!file) throw std::runtime_error("file '" + path + "' cannot be written");
-}
-
-void MakeSimDirectory(const std::string& path) {
-  std::error_code failed;
-  std::filesystem::create_directories(path, failed);
-  if (failed) throw std::runtime_error("directory '" + path + "' cannot be made: " + failed.message());
 }
 
 sensor_msgs::CameraInfo ToCameraInfoMsg(const Camera& c, std::int64_t t_ns, const std::string& frame_id) {

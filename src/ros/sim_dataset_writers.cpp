@@ -12,6 +12,7 @@
 #include <rosbag/bag.h>
 
 #include "devo/EventArray.h"
+#include "devo/io/output_folder.h"
 #include "devo/ros/message_conversion.h"
 #include "devo/sim/rig_file.h"
 #include "sim_bag_helpers.h"
@@ -131,7 +132,7 @@ class MvsecWriter : public SimBagWriter {
     std::string scene = BaseName(stem);
     while (scene.size() > 1 && std::isdigit(static_cast<unsigned char>(scene.back())) != 0) scene.pop_back();
     const std::string directory = stem.substr(0, stem.size() - BaseName(stem).size()) + scene + "_calib/";
-    MakeSimDirectory(directory);
+    MakeOutputFolder(directory);
     files_ = {stem + "_data.bag", stem + "_gt.bag", directory + "camchain-imucam-" + scene + ".yaml"};
     WriteSimText(files_[2], Camchain());
     WriteMaps(directory + scene + "_left_");
@@ -268,7 +269,7 @@ class VectorWriter : public SimBagWriter {
     if (sequence.options().imu) Open("imu");
     if (sequence.options().lidar) Open("lidar");
     const std::string directory = stem + "_calib/";
-    MakeSimDirectory(directory);
+    MakeOutputFolder(directory);
     WriteCalibration(directory);
   }
 

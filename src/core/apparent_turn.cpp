@@ -39,16 +39,17 @@ void ApparentTurn::Reset() {
   asked_ = 0;
 }
 
-const Eigen::Vector3d& ApparentTurn::Estimate(const std::vector<Sighting>& events) {
+const Eigen::Vector3d& ApparentTurn::Estimate(const std::vector<Sighting>& events, const Eigen::Vector3d& read) {
   std::vector<Eigen::Vector3d> starts;
   const auto start_at = [&](const Eigen::Vector3d& turn) {
     if (std::find(starts.begin(), starts.end(), turn) == starts.end()) starts.push_back(turn);
   };
   start_at(turn_);
   start_at(Eigen::Vector3d::Zero());
-  turn_.setZero();
+  start_at(read);
+  turn_ = read;
   if (events.size() < kLeastEvents) return turn_;
-  clearer_by_square_ = kClearerBySquare;
+  price_ = {read, read.isZero() ? kClearerBySquare : kClearerBeside};
   if (asked_++ % kAmongAllEvery == 0) {
     LookAt(events, kGlance_s, kCoarse_px, kInGlance, &glance_);
     start_at(AmongAll(glance_));
@@ -69,8 +70,8 @@ const Eigen::Vector3d& ApparentTurn::Estimate(const std::vector<Sighting>& event
 Eigen::Vector3d ApparentTurn::Beside(const std::vector<Sighting>& events, const Eigen::Vector3d& believed) {
   Eigen::Vector3d beside = Eigen::Vector3d::Zero();
   if (events.size() >= kLeastEvents) {
+    price_ = {Eigen::Vector3d::Zero(), kClearerBeside};
     LookAt(events, kAll_s, kFine_px, kInLook, &all_);
-    clearer_by_square_ = kClearerBeside;
     Eigen::Vector3d start = beside;
     double best = all_.none;
     for (const Eigen::Vector3d& other : {Eigen::Vector3d(turn_ - believed), Eigen::Vector3d(-believed)}) {
@@ -120,7 +121,7 @@ void ApparentTurn::LookAt(const std::vector<Sighting>& events, double span_s, do
   look->squares_per_turn = sx * std::max(1e-3, static_cast<double>(events.back().t_s - begin->t_s));
   look->columns = static_cast<int>(width_ / square_px) + 1;
   look->rows = static_cast<int>(height_ / square_px) + 1;
-  look->none = Pairs(*look, Eigen::Vector3d::Zero());
+  look->none = Pairs(*look, price_.from);
   look->sigma = std::sqrt(look->none + 1);
 }
 
@@ -158,7 +159,7 @@ double ApparentTurn::Pairs(const Look& look, const Eigen::Vector3d& turn) {
 }
 
 double ApparentTurn::Sharpness(const Look& look, const Eigen::Vector3d& turn) {
-  return Pairs(look, turn) - clearer_by_square_ * look.none * turn.norm() * look.squares_per_turn;
+  return Pairs(look, turn) - price_.by_square * look.none * (turn - price_.from).norm() * look.squares_per_turn;
 }
 
 Eigen::Vector3d ApparentTurn::Climb(const Look& look, Eigen::Vector3d turn) {
@@ -184,7 +185,7 @@ Eigen::Vector3d ApparentTurn::Climb(const Look& look, Eigen::Vector3d turn) {
 Eigen::Vector3d ApparentTurn::AmongAll(const Look& look) {
   const double step = 1 / look.squares_per_turn;
   const int steps = static_cast<int>(kFastest_rad_s / step);
-  Eigen::Vector3d best = Eigen::Vector3d::Zero();
+  Eigen::Vector3d best = price_.from;
   double most = look.none;
   for (int i = -steps; i <= steps; ++i) {
     for (int j = -steps; j <= steps; ++j) {

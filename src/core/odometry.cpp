@@ -42,6 +42,7 @@ OdometryOptions Validated(const OdometryOptions& options) {
 
 struct Tracked {
   std::optional<PoseEstimate> pose;
+  std::optional<ExpectedMotion> motion;  // what a next surface is to know
   float ms;
 };
 
@@ -68,8 +69,8 @@ struct Odometry::Impl {
   std::int64_t period_ns;
   std::int64_t next_ns = 0;  // time of the next surface; 0 before the first event
   SceneDepth scene_depth;
-  std::optional<ExpectedMotion> motion;       // for the next surface: of the pose of the last but one
-  std::optional<ExpectedMotion> last_motion;  // of the last pose taken
+  std::optional<ExpectedMotion> motion;       // for the next surface: as of the last but one
+  std::optional<ExpectedMotion> last_motion;  // as of the last one that was tracked
   std::vector<ImuSample> imu;                 // since the last surface
   SurfacePtr surface;                         // the last one
   std::shared_future<Tracked> tracked;
@@ -121,7 +122,13 @@ void Odometry::Step() {
   m.tracked = m.tracking_thread.Run([&m, surface]() -> Tracked {
     const Stopwatch tracking;
     auto pose = m.tracker.Track(surface);
-    return {std::move(pose), tracking.ms()};
+    std::optional<ExpectedMotion> motion;
+    if (pose) {
+      motion.emplace(*pose);
+    } else if (const auto turn = m.tracker.TurnRead(surface->t_ns)) {
+      motion = ExpectedMotion::OfTurn(*turn);
+    }
+    return {std::move(pose), motion, tracking.ms()};
   });
   m.mapped.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked]() -> Mapped {
     const std::optional<PoseEstimate>& pose = tracked.get().pose;
@@ -139,8 +146,7 @@ void Odometry::TakePose() {
   if (!m.tracked.valid()) return;
   const Tracked tracked = std::exchange(m.tracked, {}).get();
   m.timings.tracking_ms.push_back(tracked.ms);
-  m.last_motion.reset();
-  if (tracked.pose) m.last_motion.emplace(*tracked.pose);
+  m.last_motion = tracked.motion;
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
 }
 

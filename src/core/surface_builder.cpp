@@ -389,11 +389,12 @@ Motion SurfaceBuilder::Impl::MotionFor(const std::optional<ExpectedMotion>& expe
                                        const SceneDepth& depth, const Surface& surface) {
   Motion motion;
   if (!options.ideas.move_events) return motion;
-  if (!expected) {
+  if (!expected || expected->turn_alone) {
     if (!options.ideas.find_turn) return motion;
+    const Eigen::Vector3d read = expected ? expected->velocity_event.tail<3>() : Eigen::Vector3d::Zero().eval();
     CollectSightings(first, kSightings, surface.t_ns, motion.velocity, 0);
     AddSightingsBefore(surface.t_ns);
-    motion.velocity.tail<3>() = apparent_turn.Estimate(sightings);
+    motion.velocity.tail<3>() = apparent_turn.Estimate(sightings, read);
     return motion;
   }
   sightings_before.clear();
@@ -424,7 +425,7 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>
   SceneDepth scene = depth;
   if (!options.ideas.depth_grid) scene.inverse_depth.release();
   const Motion used = MotionFor(motion, first, depth, *surface);
-  const bool of_events = !motion || motion->of_poses;
+  const bool of_events = !motion || motion->of_poses || motion->turn_alone;
   surface->turn_event = of_events ? AsTurn(used.velocity, depth.median_m) : Eigen::Vector3d::Zero().eval();
   Accumulate(first, surface->t_edges_ns, used, scene);
   Blur(accumulated, options.blur_px, &scratch, &blurred);

@@ -55,6 +55,9 @@ constexpr double kBeginsUnseen_s = 0.2;
 // Of a start's velocity that surfaces show beside a gyroscope's turn, where few edges show one direction of it.
 constexpr double kSeenSpeed_m_s = 1;
 
+// Events of so long make a surface, about.
+constexpr double kTurnSpan_s = 0.02;
+
 /// An alignment counts in pixels per point: the root of the filter's information is brought to that scale, and back.
 double ScaleOf(const ErrorsAlike& alike) { return kEdgeSigma_px * std::sqrt(alike.own); }
 
@@ -215,6 +218,11 @@ void Tracker::Reset() {
 
 Vector6d Tracker::SurfaceVelocity() const {
   return history_.empty() ? Vector6d(Vector6d::Zero()) : motion_.velocity_event();
+}
+
+std::optional<Eigen::Vector3d> Tracker::TurnRead(std::int64_t t_ns) const {
+  const auto read = inertial_.Mean(t_ns - NsFromSeconds(kTurnSpan_s), t_ns);
+  return read ? std::make_optional(read->angular_velocity) : std::nullopt;
 }
 
 std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {

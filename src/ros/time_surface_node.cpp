@@ -347,8 +347,10 @@ std::optional<ExpectedMotion> TimeSurfaceNode::AwaitMotion() {
   } else if (answered(last_surface_ns_ - 2 * period_ns_)) {
     unanswered_ = 0;
   }
-  if (!last_pose_ || last_pose_->state == TrackingState::kInitialising) return std::nullopt;
-  return ExpectedMotion(*last_pose_);
+  if (!last_pose_) return std::nullopt;
+  if (last_pose_->state != TrackingState::kInitialising) return ExpectedMotion(*last_pose_);
+  const Eigen::Vector3d turn_read = last_pose_->velocity_event.tail<3>();
+  return turn_read.isZero() ? std::nullopt : std::make_optional(ExpectedMotion::OfTurn(turn_read));
 }
 
 void TimeSurfaceNode::RenderTick() {

@@ -210,6 +210,7 @@ void TrackingNode::Answer(const Surface& surface, const std::optional<PoseEstima
   } else {
     answer->t_ns = surface.t_ns;
     answer->epoch = surface.epoch;
+    if (const auto turn = tracker_->TurnRead(surface.t_ns)) answer->velocity_event.tail<3>() = *turn;
   }
   answer->published_ns = static_cast<std::int64_t>(ros::WallTime::now().toNSec());
   tracked_pose_publisher_.publish(boost::shared_ptr<const PoseEstimate>(answer));

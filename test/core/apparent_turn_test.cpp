@@ -2,6 +2,7 @@
 #include "devo/core/apparent_turn.h"
 
 #include <algorithm>
+#include <iterator>
 #include <random>
 #include <vector>
 
@@ -108,6 +109,33 @@ TEST(ApparentTurn, IsNotTemptedAlongEdgesOfOneDirection) {
   const Eigen::Vector3d turn = apparent.Estimate(SightingsOf(upright, Turning(0, -1, 0)));
   EXPECT_NEAR(turn.y(), -1, 0.2);
   EXPECT_NEAR(turn.x(), 0, 0.2);
+}
+
+TEST(ApparentTurn, IsWhatAGyroscopeReadsWhereEventsTellNoOther) {
+  const Eigen::Vector3d read(0.1, -1.2, 0.3);
+  ApparentTurn apparent(TestCamera());
+  EXPECT_EQ(apparent.Estimate({}, read), read);
+  EXPECT_EQ(apparent.Estimate(Noise(8000), read), read);
+}
+
+TEST(ApparentTurn, AddsToAReadTurnWhatATranslationMovesTheImageBy) {
+  Vector6d velocity = Turning(0.1, -1.2, 0.3);
+  velocity.head<3>() << 1, -0.6, 0;
+  ApparentTurn apparent(TestCamera());
+  const Eigen::Vector3d turn = apparent.Estimate(SightingsOf(Points(2), velocity), velocity.tail<3>());
+  EXPECT_LT((turn - Eigen::Vector3d(0.4, -0.7, 0.3)).norm(), 0.15) << turn.transpose();
+}
+
+TEST(ApparentTurn, IsFoundBesideAReadTurnAmongNoiseThatHidesItElse) {
+  const Vector6d velocity = Turning(0, -1.2, -0.3);
+  std::vector<Sighting> events;
+  const std::vector<Sighting> points = SightingsOf(Points(2), velocity), noise = Noise(8 * points.size());
+  std::merge(points.begin(), points.end(), noise.begin(), noise.end(), std::back_inserter(events),
+             [](const Sighting& a, const Sighting& b) { return a.t_s < b.t_s; });
+  const Eigen::Vector3d alone = ApparentTurn(TestCamera()).Estimate(events);
+  EXPECT_TRUE(alone.isZero()) << alone.transpose();
+  const Eigen::Vector3d turn = ApparentTurn(TestCamera()).Estimate(events, Eigen::Vector3d(0.1, -1.1, -0.3));
+  EXPECT_LT((turn - velocity.tail<3>()).norm(), 0.2) << turn.transpose();
 }
 
 /// As seen at one common time, by what is believed of the motion; all things are 2 m away.

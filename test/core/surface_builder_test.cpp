@@ -435,6 +435,7 @@ TEST(CompensatedSurface, TellsTheTurnOfItsEventsUnlessAnInertialSensorLeads) {
   EXPECT_LT((turn(ExpectedMotion(edge.velocity, true)) - Eigen::Vector3d(0, 1.3, 0)).norm(), 0.1);
   EXPECT_NEAR(turn(std::nullopt).y(), 1.3, 0.3);
   EXPECT_TRUE(turn(ExpectedMotion(edge.velocity, false)).isZero());
+  EXPECT_NEAR(turn(ExpectedMotion::OfTurn(edge.velocity.tail<3>())).y(), 1.3, 0.3);
 }
 
 TEST(CompensatedSurface, TellsTheTurnOfSoManyEventsThatItSpansAMomentByTheSurfacesBefore) {

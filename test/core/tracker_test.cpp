@@ -264,6 +264,16 @@ void AddReadings(const Reader& read, std::int64_t t_ns, Tracker* tracker) {
   for (int i = -4; i <= 0; ++i) tracker->AddImu(read(t_ns + i * kPeriod_ns / 5));
 }
 
+TEST(Tracker, TellsTheTurnThatAGyroscopeReadsBeforeThereIsAMap) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  EXPECT_FALSE(tracker.TurnRead(4 * kPeriod_ns));
+  for (int k = 1; k <= 4; ++k) AddReadings(Read, k * kPeriod_ns, &tracker);
+  const auto turn = tracker.TurnRead(4 * kPeriod_ns);
+  ASSERT_TRUE(turn);
+  EXPECT_LT((*turn - Twist().tail<3>()).norm(), 1e-9);
+  EXPECT_FALSE(tracker.TurnRead(8 * kPeriod_ns)) << "the readings end before";
+}
+
 /// What an inertial sensor in a camera that only moves along x reads.
 ImuSample ReadAlongX(std::int64_t t_ns, double acceleration_m_s2) {
   ImuSample sample;

@@ -31,9 +31,11 @@ class ApparentTurn {
   };
 
   /// rad/s, event frame: that of the camera, were all it sees far away. `events`: of the last moments, in the order of
-  /// their time, some thousands. It is sought near the last answer and near zero, now and then among all; zero where
-  /// no rotation makes the image clearer than chance would.
-  const Eigen::Vector3d& Estimate(const std::vector<Sighting>& events);
+  /// their time, some thousands. `read`: the camera's true turn, as a gyroscope has it; zero where there is none. It is
+  /// sought near that, the last answer and zero, now and then among all; `read` where no other rotation makes the image
+  /// clearer than chance would.
+  const Eigen::Vector3d& Estimate(const std::vector<Sighting>& events,
+                                  const Eigen::Vector3d& read = Eigen::Vector3d::Zero());
 
   /// rad/s, event frame: by how much more the image turned than was believed. `events`: as above, but each moved
   /// already, along the believed motion, to its ray at one common time. `believed`: the turn (rad/s, event frame) that
@@ -54,14 +56,19 @@ class ApparentTurn {
     std::vector<std::int32_t> polarity;  // all: events, and some outside the image, to whole registers
     double squares_per_turn;             // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
-    double none, sigma;  // pairs without a turn, and their standard deviation by chance
+    double none, sigma;  // pairs of the turn that is most likely beforehand, and their standard deviation by chance
+  };
+  /// What a turn has to be worth.
+  struct Price {
+    Eigen::Vector3d from = Eigen::Vector3d::Zero();  ///< the turn that is most likely beforehand, rad/s
+    double by_square = 0;                            ///< share of its pairs for each square that the image moves beside
   };
   void LookAt(const std::vector<Sighting>& events, double span_s, double square_px, std::size_t most, Look* look);
   /// Of each event, turned: twice its square and its polarity; beyond the last square where outside the image.
   void FindSquares(const Look& look, const Eigen::Vector3d& turn);
   /// Of events of one polarity in one square.
   double Pairs(const Look& look, const Eigen::Vector3d& turn);
-  /// These, less what a turn as fast has to be worth.
+  /// These, less what such a turn has to be worth.
   double Sharpness(const Look& look, const Eigen::Vector3d& turn);
   Eigen::Vector3d Climb(const Look& look, Eigen::Vector3d turn);
   Eigen::Vector3d AmongAll(const Look& look);
@@ -69,7 +76,7 @@ class ApparentTurn {
   float fx_, fy_, cx_, cy_;
   int width_, height_;
   Look glance_, look_, all_;
-  double clearer_by_square_ = 0;       // share of the pairs that each square is to be worth that the image moves
+  Price price_;
   std::vector<std::uint16_t> counts_;  // all zero between calls
   std::vector<std::int32_t> squares_;  // of each event
   Eigen::Vector3d turn_ = Eigen::Vector3d::Zero();

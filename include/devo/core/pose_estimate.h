@@ -35,8 +35,10 @@ struct PoseEstimate {
   /// known first, then the map's own time. In place of all poses before, which this one does not follow from; else
   /// empty.
   std::vector<PoseHistory::Stamped> earlier;
-  Vector6d velocity_event = Vector6d::Zero();  ///< [v; omega], m/s and rad/s, of and in the event frame
-  bool velocity_of_poses = false;              ///< it is known from poses alone: no inertial sensor knows better
+  /// [v; omega], m/s and rad/s, of and in the event frame. Before the first pose (`kInitialising`) the turn alone, as a
+  /// gyroscope reads it; zero without one.
+  Vector6d velocity_event = Vector6d::Zero();
+  bool velocity_of_poses = false;  ///< it is known from poses alone: no inertial sensor knows better
   /// Change of that velocity, m/s^2 and rad/s^2; zero where no inertial sensor tells.
   Vector6d acceleration_event = Vector6d::Zero();
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame

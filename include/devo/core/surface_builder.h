@@ -32,12 +32,22 @@ struct ExpectedMotion {
       : t_ns(pose.t_edges_ns), velocity_event(pose.velocity_event), acceleration_event(pose.acceleration_event),
         of_poses(pose.velocity_of_poses) {}
 
+  /// Before any pose is known: as a gyroscope reads it, rad/s.
+  static ExpectedMotion OfTurn(const Eigen::Vector3d& turn_event) {
+    Vector6d velocity = Vector6d::Zero();
+    velocity.tail<3>() = turn_event;
+    ExpectedMotion motion(velocity);
+    motion.turn_alone = true;
+    return motion;
+  }
+
   std::int64_t t_ns = 0;                           ///< when it moves so
   Vector6d velocity_event;                         ///< [v; omega], m/s and rad/s, of and in the event frame
   Vector6d acceleration_event = Vector6d::Zero();  ///< change of `velocity_event`, m/s^2 and rad/s^2; zero: not known
   /// By nothing but poses: a wrong one smears the edges along itself, and the poses found in these confirm it. The
   /// events are asked, too (ApparentTurn::Beside).
   bool of_poses;
+  bool turn_alone = false;  ///< how the camera shifts is not known: a turn that stands for that, too, is sought
 };
 
 /// Not thread-safe; surfaces it returns are.
@@ -63,7 +73,8 @@ class SurfaceBuilder {
   void Filter();
 
   /// The surface at `t_ns` from the events inserted so far (all should be before `t_ns`).
-  /// `motion`: empty where nothing is known of it; a rotation is sought in the events instead (ApparentTurn).
+  /// `motion`: empty where nothing is known of it. Then, and where it is a turn alone, a rotation is sought in the
+  /// events (ApparentTurn::Estimate).
   SurfacePtr Render(std::int64_t t_ns, const std::optional<ExpectedMotion>& motion, const SceneDepth& scene_depth);
 
   /// Forgets all events; surfaces made later carry the next epoch.

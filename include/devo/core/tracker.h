@@ -57,6 +57,10 @@ class Tracker {
   /// map comes, some of them are later than it, and a camera in motion is followed through them to now.
   std::optional<PoseEstimate> Track(const SurfacePtr& surface);
 
+  /// How a gyroscope saw the camera turn in the last moments until `t_ns`: rad/s, event frame, bias included. Empty
+  /// without one, or where its readings are not of use.
+  std::optional<Eigen::Vector3d> TurnRead(std::int64_t t_ns) const;
+
   /// Velocity for compensating the next surface: [v; omega], m/s and rad/s, of and in the event frame. Zero before
   /// there are poses.
   Vector6d SurfaceVelocity() const;

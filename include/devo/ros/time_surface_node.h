@@ -77,7 +77,7 @@ class TimeSurfaceNode {
   std::int64_t TickAfter(std::int64_t t_ns) const;
   void SkipTo(std::int64_t tick_ns);  ///< counts the surfaces in between
   bool SkipWhenBehind();
-  std::optional<ExpectedMotion> AwaitMotion();  ///< empty before the first pose
+  std::optional<ExpectedMotion> AwaitMotion();  ///< empty where nothing is known of it
   void RenderTick();
   void PublishImage(const Surface& surface);
 

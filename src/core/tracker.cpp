@@ -55,6 +55,9 @@ constexpr double kBeginsUnseen_s = 0.2;
 // Of a start's velocity that surfaces show beside a gyroscope's turn, where few edges show one direction of it.
 constexpr double kSeenSpeed_m_s = 1;
 
+// A turn sought in the events leaves edges blurred, and surfaces that have most of their events in common blurred
+// alike: beside an inertial sensor, which goes on from the velocity that they show, those of a start count for so much.
+constexpr double kBlurredAlike = 0.2;
 // Events of so long make a surface, about.
 constexpr double kTurnSpan_s = 0.02;
 
@@ -485,7 +488,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
     motion_.Coast(surface.t_edges_ns);
     step_.kind = MotionPast::Kind::kCoasting;
   } else {
-    Measure(surface.t_edges_ns, predicted, result, alike);
+    Measure(surface, predicted, result, alike);
   }
   pose->points_used = result.visible;
   pose->inlier_share = result.inlier_share;
@@ -502,7 +505,7 @@ void Tracker::StartWhereFound(const Surface& surface, const Rigid3& T_world_foun
   status_.NoteFound();
 }
 
-void Tracker::Measure(std::int64_t t_ns, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
+void Tracker::Measure(const Surface& surface, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
                       const ErrorsAlike& alike) {
   const double scale = ScaleOf(alike);
   // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
@@ -512,7 +515,8 @@ void Tracker::Measure(std::int64_t t_ns, const MotionFilter::Prediction& predict
                                               alike.shared / alike.own, residual_scale_.variance_scale());
   const double weight = status_.quality().Weight(result.inlier_share);
   if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);
-  motion_.Update(t_ns, *step_.measured);
+  if (inertial_prior_ && !surface.turn_event.isZero()) step_.measured->Weigh(kBlurredAlike);
+  motion_.Update(surface.t_edges_ns, *step_.measured);
 }
 
 bool Tracker::TryByDepth(const Surface& surface, PosePrior prior, const Vector6d& velocity_event,

@@ -346,6 +346,26 @@ TEST(Tracker, GoesOnFromAFirstMapInMotionThatMakesHardlyAnEvent) {
   EXPECT_LT(ErrorAfterAStartInMotion(OdometryOptions(), true), 4e-3);
 }
 
+TEST(Tracker, IsLedAstrayForLessLongByAStartWhoseSurfacesAreBlurredAlike) {
+  const auto worst_m = [](bool moved_by_turn) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    double worst = 0;
+    for (int k = 1; k <= 30; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      AddReadings(Read, t_ns, &tracker);
+      // At first the edges seem to stand still.
+      Surface surface = Seen(t_ns, TrueAt(k <= 5 ? 0 : t_ns));
+      if (moved_by_turn && k <= 5) surface.turn_event = Twist().tail<3>();
+      const auto pose = tracker.Track(surface);
+      if (k > 5) worst = std::max(worst, ErrorOf(*pose));
+    }
+    return worst;
+  };
+  const double blurred_m = worst_m(true), sharp_m = worst_m(false);
+  EXPECT_LT(blurred_m, 0.7 * sharp_m) << blurred_m << " and " << sharp_m;
+}
+
 TEST(Tracker, GoesOnWithTheInertialSensorWhereASlowMotionMakesTooFewEventsForAMoment) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());

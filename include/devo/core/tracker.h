@@ -124,7 +124,7 @@ class Tracker {
   void Register(const Surface& surface, PoseEstimate* pose);
   /// `velocity_led`: of the event camera, where it was led to.
   void StartWhereFound(const Surface& surface, const Rigid3& T_world_found, const Vector6d& velocity_led);
-  void Measure(std::int64_t t_ns, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
+  void Measure(const Surface& surface, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
                const ErrorsAlike& alike);
   /// For an alignment whose information is `scale` squared times the filter's.
   PosePrior MakePrior(const MotionFilter::Prediction& predicted, double scale) const;

@@ -56,7 +56,7 @@ const Eigen::Vector3d& ApparentTurn::Estimate(const std::vector<Sighting>& event
   }
   LookAt(events, kLook_s, kCoarse_px, kInLook, &look_);
   LookAt(events, kAll_s, kFine_px, kInLook, &all_);
-  double best = all_.none + kSigmas * all_.sigma;
+  double best = all_.beforehand + kSigmas * all_.sigma;
   for (const Eigen::Vector3d& start : starts) {
     const Eigen::Vector3d turn = Climb(all_, Climb(look_, start));
     const double sharpness = Sharpness(all_, turn);
@@ -73,7 +73,7 @@ Eigen::Vector3d ApparentTurn::Beside(const std::vector<Sighting>& events, const 
     price_ = {Eigen::Vector3d::Zero(), kClearerBeside};
     LookAt(events, kAll_s, kFine_px, kInLook, &all_);
     Eigen::Vector3d start = beside;
-    double best = all_.none;
+    double best = all_.beforehand;
     for (const Eigen::Vector3d& other : {Eigen::Vector3d(turn_ - believed), Eigen::Vector3d(-believed)}) {
       const double sharpness = Sharpness(all_, other);
       if (sharpness <= best) continue;
@@ -81,7 +81,7 @@ Eigen::Vector3d ApparentTurn::Beside(const std::vector<Sighting>& events, const 
       start = other;
     }
     const Eigen::Vector3d turn = Climb(all_, start);
-    if (Sharpness(all_, turn) > all_.none + kSigmasBeside * all_.sigma) beside = turn;
+    if (Sharpness(all_, turn) > all_.beforehand + kSigmasBeside * all_.sigma) beside = turn;
   }
   turn_ = believed + beside;
   return beside;
@@ -121,8 +121,8 @@ void ApparentTurn::LookAt(const std::vector<Sighting>& events, double span_s, do
   look->squares_per_turn = sx * std::max(1e-3, static_cast<double>(events.back().t_s - begin->t_s));
   look->columns = static_cast<int>(width_ / square_px) + 1;
   look->rows = static_cast<int>(height_ / square_px) + 1;
-  look->none = Pairs(*look, price_.from);
-  look->sigma = std::sqrt(look->none + 1);
+  look->beforehand = Pairs(*look, price_.from);
+  look->sigma = std::sqrt(look->beforehand + 1);
 }
 
 void ApparentTurn::FindSquares(const Look& look, const Eigen::Vector3d& turn) {
@@ -159,7 +159,7 @@ double ApparentTurn::Pairs(const Look& look, const Eigen::Vector3d& turn) {
 }
 
 double ApparentTurn::Sharpness(const Look& look, const Eigen::Vector3d& turn) {
-  return Pairs(look, turn) - price_.by_square * look.none * (turn - price_.from).norm() * look.squares_per_turn;
+  return Pairs(look, turn) - price_.by_square * look.beforehand * (turn - price_.from).norm() * look.squares_per_turn;
 }
 
 Eigen::Vector3d ApparentTurn::Climb(const Look& look, Eigen::Vector3d turn) {
@@ -186,7 +186,7 @@ Eigen::Vector3d ApparentTurn::AmongAll(const Look& look) {
   const double step = 1 / look.squares_per_turn;
   const int steps = static_cast<int>(kFastest_rad_s / step);
   Eigen::Vector3d best = price_.from;
-  double most = look.none;
+  double most = look.beforehand;
   for (int i = -steps; i <= steps; ++i) {
     for (int j = -steps; j <= steps; ++j) {
       const Eigen::Vector3d turn(i * step, j * step, 0);

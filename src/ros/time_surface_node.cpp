@@ -349,8 +349,7 @@ std::optional<ExpectedMotion> TimeSurfaceNode::AwaitMotion() {
   }
   if (!last_pose_) return std::nullopt;
   if (last_pose_->state != TrackingState::kInitialising) return ExpectedMotion(*last_pose_);
-  const Eigen::Vector3d turn_read = last_pose_->velocity_event.tail<3>();
-  return turn_read.isZero() ? std::nullopt : std::make_optional(ExpectedMotion::OfTurn(turn_read));
+  return ExpectedMotion::OfTurn(last_pose_->velocity_event.tail<3>());
 }
 
 void TimeSurfaceNode::RenderTick() {

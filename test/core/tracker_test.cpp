@@ -346,7 +346,7 @@ TEST(Tracker, GoesOnFromAFirstMapInMotionThatMakesHardlyAnEvent) {
   EXPECT_LT(ErrorAfterAStartInMotion(OdometryOptions(), true), 4e-3);
 }
 
-TEST(Tracker, IsLedAstrayForLessLongByAStartWhoseSurfacesAreBlurredAlike) {
+TEST(Tracker, IsLedLessFarAstrayByAStartWhoseSurfacesAreBlurredAlike) {
   const auto worst_m = [](bool moved_by_turn) {
     Tracker tracker(TestCamera(), OdometryOptions());
     tracker.SetMap(Map());

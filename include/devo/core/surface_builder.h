@@ -32,7 +32,7 @@ struct ExpectedMotion {
       : t_ns(pose.t_edges_ns), velocity_event(pose.velocity_event), acceleration_event(pose.acceleration_event),
         of_poses(pose.velocity_of_poses) {}
 
-  /// Before any pose is known: as a gyroscope reads it, rad/s.
+  /// Before any pose is known: as a gyroscope reads it, rad/s. Zero, without one, is as if nothing were known.
   static ExpectedMotion OfTurn(const Eigen::Vector3d& turn_event) {
     Vector6d velocity = Vector6d::Zero();
     velocity.tail<3>() = turn_event;

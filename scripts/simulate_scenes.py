@@ -4,6 +4,7 @@
 texture, crowded or next to empty, seen from near or far. Speed, light and cameras are drawn, too.
 
     scripts/simulate_scenes.py DIR --count 24 --seed 1    (15 min on two cores; what is there is kept)
+    scripts/simulate_scenes.py DIR --count 24 --seed 1 --people 1    (the same ones, with somebody who walks about)
     scripts/evaluate_recordings.py --data DIR --recordings DIR/scenes.txt --depth-rate all 5 1
 """
 import math
@@ -79,7 +80,18 @@ class SceneDraw:
         return {'position': [self.draw.uniform(self.back, self.front) * .8, self.draw.uniform(self.right, self.left) * .8,
                              self.ceiling - .1], 'intensity_cd': self.draw.uniform(50, 500), 'radius_m': self.draw.uniform(.05, .2)}
 
-    def file(self):
+    def person(self):
+        """Somebody who walks to and fro across the view, as cylinders: legs, trunk and head."""
+        draw = self.draw
+        x, way = self.near + draw.uniform(.5, 1.5), draw.uniform(1., 2.5)
+        y, period_s = draw.uniform(-1., 1.), max(3., 3.14 * way / draw.uniform(.7, 1.5))  # 0.7 to 1.5 m/s in the middle
+        by = [draw.uniform(-.3, .3), way if y < 0 else -way, 0]
+        trousers, shirt, skin = self.material(['fabric', 'plain'], (.3, 1.)), self.material(THINGS, (.3, 1.)), self.material(['plain'], (1., 1.))
+        sway = {'by': by, 'period_s': period_s, 'begins_s': draw.uniform(0, 1)}
+        return [{'position': [x, y, bottom], 'radius': radius, 'height': height, 'material': material, 'sway': sway}
+                for bottom, radius, height, material in [(0, .13, .85, trousers), (.85, .19, .6, shirt), (1.5, .1, .25, skin)]]
+
+    def file(self, people):
         draw = self.draw
         room = {'min': [self.back, self.right, 0], 'max': [self.front, self.left, self.ceiling],
                 'floor': self.material(FLOORS, (1., 3.)), 'ceiling': self.material(['plaster', 'plain'], (2., 4.)),
@@ -90,14 +102,17 @@ class SceneDraw:
         cylinders = [self.cylinder() for _ in range(draw.randint(0, 3))]
         middle = .5 * (self.near + self.front)
         side = min(.5, .3 * self.left, -.3 * self.right)
-        return {'name': 'drawn', 'ambient_lux': draw.uniform(20, 150), 'materials': self.materials, 'room': room,
+        scene = {'name': 'drawn', 'ambient_lux': draw.uniform(20, 150), 'materials': self.materials, 'room': room,
                 'quads': quads, 'boxes': boxes, 'cylinders': cylinders, 'lamps': [self.lamp() for _ in range(draw.randint(1, 3))],
                 'motion': {'position_min': [max(-.5, self.back + .4), -side, self.height - .25],
                            'position_max': [min(.1, self.near - .6), side, self.height + .25],
                            'target_min': [middle - .2, -.5, .6], 'target_max': [middle + .4, .5, 1.3]}}
+        for _ in range(people):  # drawn last: the rest is as without
+            scene['cylinders'] += self.person()
+        return scene
 
 
-def recordings(directory, count, seed):
+def recordings(directory, count, seed, people):
     """Pairs of a name and the arguments of devo_simulate; writes their scenes."""
     draw = random.Random(seed)
     first = FIRST_SEED + 100 * (seed - 1)
@@ -108,7 +123,7 @@ def recordings(directory, count, seed):
         name = f's{own_seed}_{speed}_{light}_{sensor}'
         path = os.path.join(directory, name + '_scene.yaml')
         with open(path, 'w') as file:
-            yaml.safe_dump(scene.file(), file, default_flow_style=None)
+            yaml.safe_dump(scene.file(people), file, default_flow_style=None)
         yield name, ['--scene', path, '--speed', speed, '--light', light, '--sensor', sensor, '--seed', str(own_seed),
                      '--duration', '5', '--rest', str(draw.choice([0, .3, 1.]))]
 
@@ -117,8 +132,9 @@ def main():
     parser = simulated_set.parser(__doc__)
     parser.add_argument('--count', type=int, default=24)
     parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--people', type=int, default=0, help='so many walk about in each room')
     args = parser.parse_args()
-    simulated_set.simulate(args, recordings(args.directory, args.count, args.seed), 'scenes.txt')
+    simulated_set.simulate(args, recordings(args.directory, args.count, args.seed, args.people), 'scenes.txt')
 
 
 if __name__ == '__main__':

@@ -60,7 +60,8 @@ cv::Mat1f DepthSensor::Capture(const Trajectory& trajectory, double t_s, std::ui
   std::vector<View> views;
   for (std::size_t k = 0; k < rays_.size(); ++k) {
     const double share = rays_.size() == 1 ? 0 : (static_cast<double>(k) - kMiddle) / static_cast<double>(rays_.size());
-    views.emplace_back(scene_, trajectory.PoseAt(t_s + share * model_.exposure_s) * model_.T_event_depth);
+    const double at_s = t_s + share * model_.exposure_s;
+    views.emplace_back(scene_, trajectory.PoseAt(at_s) * model_.T_event_depth, at_s);
   }
   cv::Mat1f depth(model_.camera.height(), model_.camera.width(), 0.0F);
   pool->ForEach(rays_[0]->tile_rows(), [&](int tile_row) { MeasureBand(views, tile_row, index, &depth); });

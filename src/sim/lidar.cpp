@@ -14,7 +14,7 @@ LidarScan Lidar::Capture(const Trajectory& trajectory, double t_s, std::uint64_t
   pool->ForEach(columns, [&](int column) {
     const double t = column * model_.firing_s;
     // Within one firing of 55 us even fast motion is below 0.1 mm; each firing has its own pose.
-    const View view(scene_, trajectory.PoseAt(t_s + t) * model_.T_event_lidar);
+    const View view(scene_, trajectory.PoseAt(t_s + t) * model_.T_event_lidar, t_s + t);
     for (int beam = 0; beam < model_.beams; ++beam) {
       const double time = t + beam * model_.beam_s;
       const double azimuth = -2 * kPi * time * model_.rate_hz;  // clockwise seen from above

@@ -245,14 +245,15 @@ void ShadeEight(const Surface& surface, float pixel_angle, const ShadeLanes& lan
 
 }  // namespace
 
-View::View(const Scene& scene, const Rigid3& T_world_camera) {
+View::View(const Scene& scene, const Rigid3& T_world_camera, double t_s) {
   const Rigid3 T_camera_world = T_world_camera.inverse();
   const Eigen::Matrix3d R = T_camera_world.rotation().toRotationMatrix();
   surfaces_.resize(scene.surfaces().size());
   for (std::size_t i = 0; i < surfaces_.size(); ++i) {
     const Surface& from = scene.surfaces()[i];
     SurfaceInView& s = surfaces_[i];
-    const Eigen::Vector3d c = T_camera_world * from.origin, u = R * from.u, v = R * from.v, n = R * from.n;
+    const Eigen::Vector3d origin = from.sway ? Eigen::Vector3d(from.origin + from.sway->OffsetAt(t_s)) : from.origin;
+    const Eigen::Vector3d c = T_camera_world * origin, u = R * from.u, v = R * from.v, n = R * from.n;
     s.kind = from.kind;
     Copy(n, s.n);
     Copy(u, s.u);

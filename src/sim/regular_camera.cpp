@@ -38,8 +38,10 @@ Frame RegularCamera::Capture(const Trajectory& trajectory, double begin_s, std::
   const int steps = ViewsFor(trajectory.VelocityAt(begin_s + 0.5 * exposure_s()));
   const double step_s = exposure_s() / steps;
   std::vector<View> views;
-  for (int k = 0; k <= steps; ++k)
-    views.emplace_back(scene_, trajectory.PoseAt(begin_s + k * step_s) * model_.T_event_camera);
+  for (int k = 0; k <= steps; ++k) {
+    const double t_s = begin_s + k * step_s;
+    views.emplace_back(scene_, trajectory.PoseAt(t_s) * model_.T_event_camera, t_s);
+  }
   sensor_.Start(begin_ns, model_.rate_hz);
   pool->ForEach(rays_.tile_rows(), [&](int band) {
     BandRenderer renderer(scene_, rays_);

@@ -53,6 +53,16 @@ double Area(const Surface& s) {
 
 }  // namespace
 
+Eigen::Vector3d Sway::OffsetAt(double t_s) const {
+  if (t_s <= begins_s) return Eigen::Vector3d::Zero();
+  return by * (0.5 - 0.5 * std::cos(2 * kPi * (t_s - begins_s) / period_s));
+}
+
+double Sway::SpeedAt(double t_s) const {
+  if (t_s <= begins_s) return 0;
+  return by.norm() * kPi / period_s * std::abs(std::sin(2 * kPi * (t_s - begins_s) / period_s));
+}
+
 Eigen::Vector3d PointOn(const Surface& s, double a, double b) {
   if (s.kind != SurfaceKind::kCylinder) return s.origin + a * s.u + b * s.v;
   return s.origin + s.size_u * NormalAt(s, a) + b * s.n;
@@ -88,20 +98,28 @@ void Scene::AddRectangle(const Rigid3& T, double size_u, double size_v, const Ma
   Add(Rectangle(T.translation(), R.col(0), R.col(1), size_u, size_v, material, one_sided));
 }
 
-void Scene::AddBox(const Rigid3& T, const Eigen::Vector3d& size, const Material& material) {
+void Scene::AddBox(const Rigid3& T, const Eigen::Vector3d& size, const Material& material,
+                   const std::optional<Sway>& sway) {
   for (int i = 0; i < 3; ++i) ExpectPositive(size[i], "box's size");
   const Eigen::Matrix3d R = T.rotation().toRotationMatrix();
   const Eigen::Vector3d x = R.col(0), y = R.col(1), z = R.col(2), &c = T.translation();
   const Eigen::Vector3d hx = 0.5 * size.x() * x, hy = 0.5 * size.y() * y, top = size.z() * z;
-  Add(Rectangle(c - hx - hy + top, x, y, size.x(), size.y(), material, true));  // top
-  Add(Rectangle(c - hx + hy, x, -y, size.x(), size.y(), material, true));       // bottom
-  Add(Rectangle(c - hx - hy, x, z, size.x(), size.z(), material, true));        // -y
-  Add(Rectangle(c + hx + hy, -x, z, size.x(), size.z(), material, true));       // +y
-  Add(Rectangle(c + hx - hy, y, z, size.y(), size.z(), material, true));        // +x
-  Add(Rectangle(c - hx + hy, -y, z, size.y(), size.z(), material, true));       // -x
+  const auto add = [&](const Eigen::Vector3d& corner, const Eigen::Vector3d& u, const Eigen::Vector3d& v, double size_u,
+                       double size_v) {
+    Surface face = Rectangle(corner, u, v, size_u, size_v, material, true);
+    face.sway = sway;
+    Add(std::move(face));
+  };
+  add(c - hx - hy + top, x, y, size.x(), size.y());  // top
+  add(c - hx + hy, x, -y, size.x(), size.y());       // bottom
+  add(c - hx - hy, x, z, size.x(), size.z());        // -y
+  add(c + hx + hy, -x, z, size.x(), size.z());       // +y
+  add(c + hx - hy, y, z, size.y(), size.z());        // +x
+  add(c - hx + hy, -y, z, size.y(), size.z());       // -x
 }
 
-void Scene::AddCylinder(const Rigid3& T, double radius, double height, const Material& material) {
+void Scene::AddCylinder(const Rigid3& T, double radius, double height, const Material& material,
+                        const std::optional<Sway>& sway) {
   ExpectPositive(radius, "cylinder's radius");
   ExpectPositive(height, "cylinder's height");
   const Eigen::Matrix3d R = T.rotation().toRotationMatrix();
@@ -115,6 +133,7 @@ void Scene::AddCylinder(const Rigid3& T, double radius, double height, const Mat
   mantle.size_v = height;
   mantle.one_sided = true;
   mantle.material = material;
+  mantle.sway = sway;
   Surface cap = mantle;
   cap.kind = SurfaceKind::kDisc;
   Add(std::move(mantle));

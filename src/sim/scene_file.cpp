@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <initializer_list>
 #include <map>
+#include <optional>
 #include <stdexcept>
 
 #include <yaml-cpp/yaml.h>
@@ -93,12 +94,12 @@ class SceneReader {
       for (const auto& q : root_.List(kind)) ReadQuad(q);
     }
     for (const auto& b : root_.List("boxes")) {
-      b.ExpectKeys({"position", "yaw_deg", "size", "material"});
-      scene_.AddBox(Upright(b), b.Vector("size"), Named(b, "material"));
+      b.ExpectKeys({"position", "yaw_deg", "size", "material", "sway"});
+      scene_.AddBox(Upright(b), b.Vector("size"), Named(b, "material"), SwayOf(b));
     }
     for (const auto& c : root_.List("cylinders")) {
-      c.ExpectKeys({"position", "yaw_deg", "radius", "height", "material"});
-      scene_.AddCylinder(Upright(c), c.Get<double>("radius"), c.Get<double>("height"), Named(c, "material"));
+      c.ExpectKeys({"position", "yaw_deg", "radius", "height", "material", "sway"});
+      scene_.AddCylinder(Upright(c), c.Get<double>("radius"), c.Get<double>("height"), Named(c, "material"), SwayOf(c));
     }
     for (const auto& l : root_.List("lamps")) ReadLamp(l);
     ReadMotion(root_.At("motion"));
@@ -132,6 +133,18 @@ class SceneReader {
   }
 
   static Rigid3 Upright(const Entry& e) { return {ExpSO3({0, 0, e.Get("yaw_deg", 0.0) * kDeg}), e.Vector("position")}; }
+
+  static std::optional<Sway> SwayOf(const Entry& thing) {
+    if (!thing.Has("sway")) return std::nullopt;
+    const Entry e = thing.At("sway");
+    e.ExpectKeys({"by", "period_s", "begins_s"});
+    Sway sway;
+    sway.by = e.Vector("by");
+    sway.period_s = e.Get("period_s", sway.period_s);
+    sway.begins_s = e.Get("begins_s", sway.begins_s);
+    if (!(sway.period_s > 0)) e.Fail("period_s should be > 0");
+    return sway;
+  }
 
   /// A rectangle from a corner and two perpendicular sides.
   void ReadQuad(const Entry& q) {

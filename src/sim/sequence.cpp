@@ -110,6 +110,15 @@ ImuModel BuildImu(const SequenceOptions& o) {
   return model;
 }
 
+/// From a point, to a surface where it stands at rest. Not more than it is; exact for rectangles.
+double DistanceTo(const Surface& s, const Eigen::Vector3d& p) {
+  const Eigen::Vector3d d = p - s.origin;
+  if (s.kind == SurfaceKind::kDisc) return d.norm() - s.size_u;
+  const double along = std::clamp(d.dot(s.kind == SurfaceKind::kCylinder ? s.n : s.v), 0.0, s.size_v);
+  if (s.kind == SurfaceKind::kCylinder) return (d - along * s.n).norm() - s.size_u;
+  return (d - along * s.v - std::clamp(d.dot(s.u), 0.0, s.size_u) * s.u).norm();
+}
+
 double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
@@ -212,6 +221,18 @@ struct Sequence::Impl {
     return std::sqrt(fastest) / rays.pixel_angle();
   }
 
+  /// What things that move by themselves may add to that.
+  double FastestSway(double t_s) const {
+    const Eigen::Vector3d camera = trajectory.PoseAt(t_s).translation();
+    double fastest = 0;
+    for (const Surface& s : scene.surfaces()) {
+      if (!s.sway) continue;
+      const double nearest_m = DistanceTo(s, camera - s.sway->OffsetAt(t_s));
+      fastest = std::max(fastest, s.sway->SpeedAt(t_s) / std::max(0.1, nearest_m));
+    }
+    return fastest / rays.pixel_angle();
+  }
+
   void Step(std::int64_t t1_ns);
   void Advance(std::int64_t chunk_end_ns);
   void Measure(Chunk* chunk);
@@ -219,14 +240,14 @@ struct Sequence::Impl {
 
 void Sequence::Impl::Step(std::int64_t t1_ns) {
   const std::int64_t t0_ns = now_ns;
-  const View view(scene, trajectory.PoseAt(TimeOf(t1_ns)));
+  const View view(scene, trajectory.PoseAt(TimeOf(t1_ns)), TimeOf(t1_ns));
   std::array<std::once_flag, kSubSteps> made;
   std::array<std::unique_ptr<View>, kSubSteps> between;
   const auto view_between = [&](double share) -> const View& {
     const int k = static_cast<int>(share * kSubSteps);
     std::call_once(made[k], [&] {
       const double t = TimeOf(t0_ns) + share * SecondsFromNs(t1_ns - t0_ns);
-      between[k] = std::make_unique<View>(scene, trajectory.PoseAt(t));
+      between[k] = std::make_unique<View>(scene, trajectory.PoseAt(t), t);
     });
     return *between[k];
   };
@@ -264,7 +285,7 @@ void Sequence::Impl::Advance(std::int64_t chunk_end_ns) {
   while (now_ns < chunk_end_ns) {
     const double t = TimeOf(now_ns);
     const Vector6d twist = trajectory.VelocityAt(t + 5e-4);
-    const double flow = FastestFlow(twist);
+    const double flow = FastestFlow(twist) + FastestSway(t + 5e-4);
     const double dt = std::clamp(options.max_flow_px / std::max(flow, 1e-6), kShortestStep_s, kLongestStep_s);
     std::int64_t next_ns = std::min(chunk_end_ns, now_ns + NsFromSeconds(dt) / kTick_ns * kTick_ns);
     // A remainder of a few microseconds is not worth a rendering of its own.

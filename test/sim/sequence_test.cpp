@@ -4,12 +4,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <limits>
 
 #include <gtest/gtest.h>
 
+#include "devo/core/time.h"
 #include "devo/sim/rig_file.h"
 
 namespace devo::sim {
@@ -116,6 +118,36 @@ TEST(Sequence, HasAlmostNoEventsAtRestInBrightLight) {
   const Recording still = Record(options);
   EXPECT_LT(static_cast<double>(still.events.size()) / (240 * 180 * options.duration_s), 1.0);
   EXPECT_TRUE(still.depth.empty());
+}
+
+TEST(Sequence, SeesAThingThatSwaysBeforeACameraThatStandsWhereItIsAtEachTime) {
+  const std::string path = testing::TempDir() + "sway_" + std::to_string(getpid()) + ".yaml";
+  std::ofstream(path) << R"(
+    materials: [{name: wall, texture: plain, reflectance: 0.3}, {name: box, texture: checker, size_m: 0.1}]
+    room: {min: [-1, -2, 0], max: [3, 2, 2], floor: wall, ceiling: wall, wall: wall}
+    boxes: [{position: [1.5, -0.2, 0.8], size: [0.2, 0.2, 0.4], material: box, sway: {by: [0, 0.4, 0], period_s: 0.4}}]
+    motion: {position_min: [0, 0, 1], position_max: [0, 0, 1], target_min: [2, 0, 1], target_max: [2, 0, 1]})";
+  SequenceOptions options = Small();
+  options.scene = path;
+  options.rest_s = 10;
+  options.depth = SequenceOptions::Depth::kRegistered;
+  const Recording seen = Record(options);
+  const Sequence sequence(options);
+  const Camera& camera = sequence.rig().event_camera;
+  const auto pixel_of = [&](double y) {
+    return *camera.Project(sequence.trajectory().PoseAt(0).inverse() * Eigen::Vector3d(1.4, y, 1));
+  };
+  ASSERT_EQ(seen.depth.size(), 7U);
+  for (const DepthImage& image : seen.depth) {
+    const double t_s = SecondsFromNs(image.t_ns - sequence.begin_ns());
+    const Eigen::Vector2d on = pixel_of(-0.2 * std::cos(6.283185307 * t_s / 0.4));
+    EXPECT_NEAR(image.depth_m(std::lround(on.y()), std::lround(on.x())), 1.4, 5e-3) << t_s;  // behind it are 3 m
+  }
+  const double left = pixel_of(0.3).x() - 2, right = pixel_of(-0.3).x() + 2;  // y is to the left
+  const auto on_way =
+      std::count_if(seen.events.begin(), seen.events.end(), [&](const Event& e) { return e.x > left && e.x < right; });
+  EXPECT_GT(on_way, 5000);
+  EXPECT_LT(static_cast<double>(seen.events.size() - on_way), 0.05 * static_cast<double>(on_way));
 }
 
 TEST(Sequence, TakesDepthAtTheRateAndWithTheTimeOffsetThatAreSet) {
@@ -231,6 +263,11 @@ TEST(LoadScene, NamesTheKeyThatItDoesNotKnowAndTheMaterialThatIsMissing) {
   EXPECT_NE(message("spheres: []").find("spheres"), std::string::npos);
   EXPECT_NE(message("boxes: [{position: [0, 0, 0], size: [1, 1, 1], material: gold}]").find("gold"), std::string::npos);
   EXPECT_NE(message("materials: [{name: a, texture: velvet}]").find("velvet"), std::string::npos);
+  const std::string sways =
+      "materials: [{name: a, texture: plain}]\n"
+      "boxes: [{position: [0, 0, 0], size: [1, 1, 1], material: a, sway: ";
+  EXPECT_NE(message(sways + "{by: [1, 0, 0], speed: 2}}]").find("speed"), std::string::npos);
+  EXPECT_NE(message(sways + "{by: [1, 0, 0], period_s: 0}}]").find("period_s"), std::string::npos);
 }
 
 }  // namespace

@@ -33,10 +33,10 @@ struct SurfaceInView {
   float cone[3], cone_cos, cone_sin;  ///< cylinder: bounding cone
 };
 
-/// The scene as seen from one pose.
+/// The scene as seen from one pose, at one time of the recording.
 class View {
  public:
-  View(const Scene& scene, const Rigid3& T_world_camera);
+  View(const Scene& scene, const Rigid3& T_world_camera, double t_s = 0);
   const std::vector<SurfaceInView>& surfaces() const { return surfaces_; }
 
   /// Nearest surface along the ray. `candidates`: indices to look at; null: all.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,18 @@ struct Material {
   double infrared = 0.85;     ///< reflectance that a depth camera sees, before the texture's (weaker) share
 };
 
+/// A way to and fro: from its place at `begins_s` of the recording it moves by `by` (world frame, m) and back within
+/// every `period_s`, slowly at both ends.
+struct Sway {
+  Eigen::Vector3d by = Eigen::Vector3d::Zero();
+  double period_s = 4;
+  double begins_s = 0;
+
+  Eigen::Vector3d OffsetAt(double t_s) const;
+  /// m/s
+  double SpeedAt(double t_s) const;
+};
+
 /// One piece of surface. Rectangle: from `origin` along u and v; disc: around `origin` in the plane of u and v;
 /// cylinder: mantle around the axis n from `origin` on, angle zero at u. (u, v, n) is right-handed, orthonormal.
 struct Surface {
@@ -36,6 +49,7 @@ struct Surface {
   bool one_sided = false;  ///< seen only from the side that n points to (faces of a closed body)
   Material material;
   double texture_offset_s = 0, texture_offset_t = 0;  ///< metres; so that equal materials do not look alike
+  std::optional<Sway> sway;                           ///< of what moves; its light is that of its place at rest
 
   int light_columns = 0, light_rows = 0;  ///< grid of illuminance over (a, b) of the surface, filled by BakeLight
   std::vector<float> light_lux;
@@ -79,10 +93,12 @@ class Scene {
   /// All lengths in metres, throws std::invalid_argument when one is not positive.
   void AddRectangle(const Rigid3& T_world_corner, double size_u, double size_v, const Material& material,
                     bool one_sided = false);
-  /// Closed box; the frame's origin is the centre of its bottom face. Bottom face left out when `open_bottom`.
-  void AddBox(const Rigid3& T_world_box, const Eigen::Vector3d& size, const Material& material);
+  /// Closed box; the frame's origin is the centre of its bottom face.
+  void AddBox(const Rigid3& T_world_box, const Eigen::Vector3d& size, const Material& material,
+              const std::optional<Sway>& sway = std::nullopt);
   /// Upright (along the frame's z) closed cylinder, the origin is the centre of its bottom.
-  void AddCylinder(const Rigid3& T_world_cylinder, double radius, double height, const Material& material);
+  void AddCylinder(const Rigid3& T_world_cylinder, double radius, double height, const Material& material,
+                   const std::optional<Sway>& sway = std::nullopt);
   /// The inside of a box: floor, ceiling and four walls (in this order of materials: floor, ceiling, walls).
   void AddRoom(const Eigen::Vector3d& min, const Eigen::Vector3d& max, const Material& floor, const Material& ceiling,
                const Material& wall);

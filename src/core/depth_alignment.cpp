@@ -28,9 +28,7 @@ constexpr double kDamping_m = 0.01;  // of a step, also in radians, where the su
 constexpr int kMinMatches = 100;
 constexpr double kMinOverlap = 0.2;
 constexpr double kSigmaOfMedian = 1.4826;  // of a normal distribution's absolute values
-
-// Readings of one cell, or neighbouring cells, farther apart than this are of several surfaces.
-float SurfaceGap(float z_m) { return 0.06F * z_m + 0.01F; }
+constexpr double kMostOfAll = 0.5;         // of what is known of a direction, that one thing may tell
 
 /// The way of an alignment; the first iterations with every kCoarseStep-th cell.
 struct Course {
@@ -52,14 +50,18 @@ float Median(const std::vector<DepthCells::Cell>& cells) {
 
 }  // namespace
 
+struct DepthAligner::Overlap {
+  int seen = 0;      // cells that might have matched
+  int compared = 0;  // of these, those where the reference has a reading
+  int met = 0;       // of these, those that lie on a surface of the reference, if not exactly
+};
+
 /// Normal equations of the step, in units of the distances.
 struct DepthAligner::Equations {
   Matrix6d H = Matrix6d::Zero();
   Vector6d g = Vector6d::Zero();
   std::vector<float> distances;  // of the matches, absolute
-  int seen = 0;                  // cells that might have matched
-  int compared = 0;              // of these, those where the reference has a reading
-  int met = 0;                   // of these, those that lie on a surface of the reference, if not exactly
+  Overlap overlap;
   // Once solved:
   double sigma_m = 0;              // spread of the distances
   Vector6d xi = Vector6d::Zero();  // T_ref_depth is to be moved by Exp(xi)
@@ -122,7 +124,9 @@ DepthCells DepthAligner::Reduce(const cv::Mat1f& depth_m, double min_m, double m
     const bool one_surface = 2 * range.count >= full_ && range.farthest - range.nearest < SurfaceGap(range.nearest);
     result.cells[i].p *= one_surface && range.count > 0 ? 1.0F / static_cast<float>(range.count) : 0.0F;
   }
+  result.columns = columns_;
   AddNormals(&result);
+  FindThings(&result);
   result.median_m = Median(result.cells);
   return result;
 }
@@ -143,27 +147,27 @@ void DepthAligner::AddNormals(DepthCells* cells) const {
   }
 }
 
-DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
-                                                double sigma_m, std::size_t step) const {
+template <typename Visit>
+DepthAligner::Overlap DepthAligner::ForMatches(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
+                                               double sigma_m, std::size_t step, const CellMask& without,
+                                               const Visit& visit) const {
   const Eigen::Matrix3f R = T_ref_depth.rotation().toRotationMatrix().cast<float>();
   const Eigen::Vector3f t = T_ref_depth.translation().cast<float>();
   const float limit_m = static_cast<float>(kTukey * sigma_m), variance = static_cast<float>(sigma_m * sigma_m);
-  Equations equations;
-  equations.distances.reserve(now.cells.size() / step + 1);
+  Overlap overlap;
   for (std::size_t i = 0; i < now.cells.size(); i += step) {
     const DepthCells::Cell& cell = now.cells[i];
-    if (cell.n.isZero()) continue;
-    ++equations.seen;
+    if (cell.n.isZero() || (!without.empty() && without[i] != 0)) continue;
+    ++overlap.seen;
     const Eigen::Vector3f q = R * cell.p + t;
     const int k = q.z() > 0 ? CellAt(q) : -1;
     if (k < 0) continue;
     const DepthCells::Cell& surface = ref.cells[k];
-    equations.compared += surface.p.z() > 0 ? 1 : 0;
+    overlap.compared += surface.p.z() > 0 ? 1 : 0;
     if (surface.n.isZero() || surface.n.dot(R * cell.n) < kMinMatchCosine) continue;
     const float distance = surface.n.dot(q - surface.p);
-    equations.met += std::abs(distance) < SurfaceGap(surface.p.z()) ? 1 : 0;
+    overlap.met += std::abs(distance) < SurfaceGap(surface.p.z()) ? 1 : 0;
     if (std::abs(distance) > limit_m) continue;
-    equations.distances.push_back(std::abs(distance));
     const float share = distance / limit_m, inlier = (1 - share * share) * (1 - share * share);
     // At a crease the plane is that of none of its surfaces, and errs by as much as the cell lies off it. Where few
     // cells show a direction, many of these are at the creases of one thing. From afar the way there matters more.
@@ -173,36 +177,47 @@ DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const Dep
     const Eigen::Vector3f n = R.transpose() * surface.n;
     Vector6d row;
     row << n.cast<double>(), cell.p.cross(n).cast<double>();
+    visit(cell, distance, weight, row);
+  }
+  return overlap;
+}
+
+DepthAligner::Equations DepthAligner::Linearise(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
+                                                double sigma_m, std::size_t step, const CellMask& without) const {
+  Equations equations;
+  equations.distances.reserve(now.cells.size() / step + 1);
+  const auto add = [&equations](const DepthCells::Cell&, float distance, float weight, const Vector6d& row) {
+    equations.distances.push_back(std::abs(distance));
     const Vector6d weighted = weight * row;
     equations.H.noalias() += weighted * row.transpose();
     equations.g.noalias() += distance * weighted;
-  }
+  };
+  equations.overlap = ForMatches(ref, now, T_ref_depth, sigma_m, step, without, add);
   return equations;
 }
 
-Matrix6d DepthAligner::LeaveOpen(const Matrix6d& H, double depth_m, double sigma_m, Result* result) const {
+DepthAligner::Directions DepthAligner::DirectionsOf(const Matrix6d& H, double depth_m, double sigma_m) const {
   // A normal is the slope between the cells on both sides.
   const double normal_sigma = sigma_m / (2 * cell_px_ / camera_.fx() * depth_m);
-  // A turn is as large as what it moves at the depth of the scene.
   Vector6d scale;
   scale << 1, 1, 1, Eigen::Vector3d::Constant(1 / depth_m);
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(scale.asDiagonal() * H * scale.asDiagonal());
-  const Vector6d& values = eigen.eigenvalues();
-  const Vector6d known =
-      (values.array() > std::max(kOpenShare, kOpenNoise * normal_sigma * normal_sigma) * values(5)).cast<double>();
-  const Matrix6d to_units = scale.asDiagonal() * eigen.eigenvectors();
-  const Matrix6d from_units = scale.cwiseInverse().asDiagonal() * eigen.eigenvectors();  // of information
-  result->information =
-      from_units * known.cwiseProduct(values).asDiagonal() * from_units.transpose() / (sigma_m * sigma_m);
-  return to_units * known.asDiagonal() * from_units.transpose();
+  Directions directions;
+  directions.values = eigen.eigenvalues();
+  const double least = std::max(kOpenShare, kOpenNoise * normal_sigma * normal_sigma) * directions.values(5);
+  directions.known = (directions.values.array() > least).cast<double>();
+  directions.to_units = scale.asDiagonal() * eigen.eigenvectors();
+  directions.from_units = scale.cwiseInverse().asDiagonal() * eigen.eigenvectors();
+  return directions;
 }
 
 std::optional<DepthAligner::Equations> DepthAligner::Step(const DepthCells& ref, const DepthCells& now,
-                                                          const Rigid3& T_ref_depth, double sigma_m,
-                                                          std::size_t step) const {
-  Equations equations = Linearise(ref, now, T_ref_depth, sigma_m, step);
+                                                          const Rigid3& T_ref_depth, double sigma_m, std::size_t step,
+                                                          const CellMask& without) const {
+  Equations equations = Linearise(ref, now, T_ref_depth, sigma_m, step, without);
   const auto matches = static_cast<int>(equations.distances.size());
-  if (matches * static_cast<int>(step) < kMinMatches || matches < kMinOverlap * equations.seen) return std::nullopt;
+  if (matches * static_cast<int>(step) < kMinMatches || matches < kMinOverlap * equations.overlap.seen)
+    return std::nullopt;
   const auto middle = equations.distances.begin() + matches / 2;
   std::nth_element(equations.distances.begin(), middle, equations.distances.end());
   equations.sigma_m = std::max(kMinSigma_m, kSigmaOfMedian * *middle);
@@ -217,18 +232,19 @@ std::optional<DepthAligner::Guess> DepthAligner::AlignCoarsely(const DepthCells&
   Guess guess{T_start, 0};
   double sigma_m = kFarCourse.start_sigma_m;
   for (int iteration = 0; iteration < kFarCourse.coarse_iterations; ++iteration) {
-    const auto step = Step(ref, now, guess.T_ref_depth, sigma_m, kCoarseStep);
+    const auto step = Step(ref, now, guess.T_ref_depth, sigma_m, kCoarseStep, {});
     if (!step) return std::nullopt;
     sigma_m = step->sigma_m;
     guess.T_ref_depth = guess.T_ref_depth * Exp(step->xi);
   }
-  const Equations reached = Linearise(ref, now, guess.T_ref_depth, kNearCourse.start_sigma_m, kCoarseStep);
-  guess.fit = static_cast<double>(reached.distances.size()) / std::max(1, reached.compared);
+  const Equations reached = Linearise(ref, now, guess.T_ref_depth, kNearCourse.start_sigma_m, kCoarseStep, {});
+  guess.fit = static_cast<double>(reached.distances.size()) / std::max(1, reached.overlap.compared);
   return guess;
 }
 
 std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, const DepthCells& now,
-                                                        const Rigid3& T_start, Reach reach) const {
+                                                        const Rigid3& T_start, Reach reach,
+                                                        const CellMask& without) const {
   const Course& course = reach == Reach::kFar ? kFarCourse : kNearCourse;
   Result result;
   result.T_ref_depth = T_start;
@@ -236,17 +252,46 @@ std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, c
   Matrix6d H;
   for (int iteration = 0; iteration < course.most_iterations; ++iteration) {
     const bool coarse = iteration < course.coarse_iterations;
-    const auto step = Step(ref, now, result.T_ref_depth, result.sigma_m, coarse ? kCoarseStep : 1);
+    const auto step = Step(ref, now, result.T_ref_depth, result.sigma_m, coarse ? kCoarseStep : 1, without);
     if (!step) return std::nullopt;
     result.sigma_m = step->sigma_m;
-    result.overlap = static_cast<double>(step->met) / step->seen;
+    result.overlap = static_cast<double>(step->overlap.met) / step->overlap.seen;
     H = step->H;
     result.T_ref_depth = result.T_ref_depth * Exp(step->xi);
     if (!coarse && step->xi.cwiseAbs().maxCoeff() < kStill_m) break;
   }
-  const Matrix6d known = LeaveOpen(H, now.median_m, result.sigma_m, &result);
+  const Directions found = DirectionsOf(H, now.median_m, result.sigma_m);
+  const Vector6d information = found.known.cwiseProduct(found.values) / (result.sigma_m * result.sigma_m);
+  result.information = found.from_units * information.asDiagonal() * found.from_units.transpose();
+  // Directions that only noise constrains stay as they were.
+  const Matrix6d known = found.to_units * found.known.asDiagonal() * found.from_units.transpose();
   result.T_ref_depth = T_start * Exp(known * Log(T_start.inverse() * result.T_ref_depth));
   return result;
+}
+
+DepthAligner::CellMask DepthAligner::OnWhatAloneHolds(const DepthCells& ref, const DepthCells& now,
+                                                      const Result& result) const {
+  Matrix6d all = Matrix6d::Zero();
+  std::vector<Matrix6d> of_thing(static_cast<std::size_t>(now.things), Matrix6d::Zero());
+  const auto add = [&](const DepthCells::Cell& cell, float, float weight, const Vector6d& row) {
+    const Matrix6d information = weight * row * row.transpose();
+    all += information;
+    if (cell.thing >= 0) of_thing[static_cast<std::size_t>(cell.thing)] += information;
+  };
+  ForMatches(ref, now, result.T_ref_depth, result.sigma_m, 1, {}, add);
+  const Directions found = DirectionsOf(all, now.median_m, result.sigma_m);
+  const Vector6d root = found.known.cwiseProduct(found.values.cwiseMax(1e-12).cwiseSqrt().cwiseInverse());
+  const Matrix6d whitened = found.to_units * root.asDiagonal();
+  std::vector<bool> alone;
+  for (const Matrix6d& information : of_thing) {
+    const Matrix6d share = whitened.transpose() * information * whitened;
+    alone.push_back(Eigen::SelfAdjointEigenSolver<Matrix6d>(share, Eigen::EigenvaluesOnly).eigenvalues()(5) >
+                    kMostOfAll);
+  }
+  if (std::find(alone.begin(), alone.end(), true) == alone.end()) return {};
+  CellMask mask;
+  for (const DepthCells::Cell& cell : now.cells) mask.push_back(cell.thing >= 0 && alone[cell.thing] ? 1 : 0);
+  return mask;
 }
 
 }  // namespace devo

@@ -63,16 +63,33 @@ Rigid3 DepthKeyframes::WorldFromKeyframe(const Keyframe& keyframe, double delay_
          T_event_depth_;
 }
 
-std::optional<DepthAligner::Result> DepthKeyframes::AlignTo(const Keyframe& keyframe, Reach reach,
-                                                            const DepthCells& now, const View& view) const {
-  const Rigid3 T_world_key = WorldFromKeyframe(keyframe, view.delay_s);
-  return aligner_.Align(keyframe.cells, now, T_world_key.inverse() * view.T_world_event * T_event_depth_, reach);
+std::optional<DepthKeyframes::Match> DepthKeyframes::AlignTo(std::size_t index, Reach reach, const DepthCells& now,
+                                                             const View& view) const {
+  const Keyframe& keyframe = keyframes_[index];
+  const Rigid3 T_start = WorldFromKeyframe(keyframe, view.delay_s).inverse() * view.T_world_event * T_event_depth_;
+  const auto result = aligner_.Align(keyframe.cells, now, T_start, reach);
+  if (!result) return std::nullopt;
+  Match match{static_cast<int>(index), reach, *result, Rests::kOnMany};
+  if (view.lost || !view.trusted || !options_.ideas.doubt_things) return match;
+  const auto alone = aligner_.OnWhatAloneHolds(keyframe.cells, now, *result);
+  if (alone.empty()) return match;
+  const auto contradicts = [&](const Match& m) {
+    return MakePose(m, view).Contradicts(view.T_world_event, view.covariance);
+  };
+  if (!contradicts(match)) {
+    match.rests = Rests::kOnOneThing;
+    return match;
+  }
+  const auto of_rest = aligner_.Align(keyframe.cells, now, T_start, reach, alone);
+  if (!of_rest) return std::nullopt;
+  const Match rest{static_cast<int>(index), reach, *of_rest, Rests::kWithoutIt};
+  // What all else contradicts as well is the events' pose, whatever has moved.
+  return contradicts(rest) ? match : rest;
 }
 
 void DepthKeyframes::Try(std::size_t index, Reach reach, const DepthCells& now, const View& view, Match* best) const {
-  const auto result = AlignTo(keyframes_[index], reach, now, view);
-  if (result && (best->keyframe < 0 || result->overlap > best->result.overlap))
-    *best = {static_cast<int>(index), reach, *result};
+  const auto match = AlignTo(index, reach, now, view);
+  if (match && (best->keyframe < 0 || match->result.overlap > best->result.overlap)) *best = *match;
 }
 
 bool DepthKeyframes::MayOverlap(const Keyframe& keyframe, Reach reach, const View& view) const {
@@ -118,7 +135,7 @@ std::optional<DepthKeyframes::Found> DepthKeyframes::Find(const DepthCells& now,
   const auto found_by = [&](const Match& match) {
     Found found{match, MakePose(match, view)};
     const bool doubtful = view.lost || found.pose.Contradicts(view.T_world_event, view.covariance);
-    found.pose.confirmed = doubtful && IsConfirmed(match, found.pose, now, view);
+    found.pose.confirmed = doubtful && match.rests == Rests::kOnMany && IsConfirmed(match, found.pose, now, view);
     return found;
   };
   std::optional<Found> found;
@@ -163,10 +180,10 @@ std::optional<DepthKeyframes::Found> DepthKeyframes::Search(const DepthCells& no
     if (!T_key_depth) continue;
     View there = view;
     there.T_world_event = WorldFromKeyframe(keyframe, view.delay_s) * *T_key_depth * T_event_depth_.inverse();
-    const auto result = AlignTo(keyframe, Reach::kNear, now, there);
-    if (!result) continue;
-    Found found{{static_cast<int>(i), Reach::kFar, *result}, {}};
-    found.pose = MakePose(found.match, there);
+    auto match = AlignTo(i, Reach::kNear, now, there);
+    if (!match) continue;
+    match->reach = Reach::kFar;
+    Found found{*match, MakePose(*match, there)};
     found.pose.confirmed = found.pose.KnowsAllDirections();
     if (found.pose.confirmed) return found;
   }
@@ -204,10 +221,8 @@ bool DepthKeyframes::IsConfirmed(const Match& match, const DepthPose& pose, cons
   if (!pose.KnowsAllDirections()) return false;
   View other_side = view;
   other_side.T_world_event = pose.T_world_event * (view.T_world_event.inverse() * pose.T_world_event);
-  const auto again = AlignTo(keyframes_[static_cast<std::size_t>(match.keyframe)], match.reach, now, other_side);
-  if (!again) return false;
-  return !MakePose({match.keyframe, match.reach, *again}, other_side)
-              .Contradicts(pose.T_world_event, pose.CovarianceOfPlace());
+  const auto again = AlignTo(static_cast<std::size_t>(match.keyframe), match.reach, now, other_side);
+  return again && !MakePose(*again, other_side).Contradicts(pose.T_world_event, pose.CovarianceOfPlace());
 }
 
 void DepthKeyframes::Keep(DepthCells cells, const View& view) {
@@ -238,6 +253,7 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   ++calls_;
   DepthCells now = aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m);
   auto found = view.lost ? FindLost(now, view, depth.t_ns) : Find(now, view);
+  without_things_ += found && found->match.rests == Rests::kWithoutIt ? 1 : 0;
   if (found) {
     const DepthContinuity::Verdict verdict = Judge(found->match, found->pose, view, depth.t_ns);
     if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;

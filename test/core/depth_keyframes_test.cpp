@@ -58,6 +58,47 @@ TEST(DepthKeyframes, AContradictionIsConfirmedWhereAlignmentsFromBothSidesEndAtO
   EXPECT_FALSE(agrees->confirmed) << "there is nothing to confirm";
 }
 
+DepthKeyframes::View SureViewAt(const Rigid3& T_world_event) {
+  DepthKeyframes::View view = ViewAt(T_world_event);
+  view.covariance = std::pow(0.003, 2) * Matrix6d::Identity();
+  return view;
+}
+
+TEST(DepthKeyframes, AThingThatMovesByItselfDoesNotMoveTheCamera) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kBoxBeforeWall), SureViewAt(Rigid3()));
+  const DepthKeyframes::View view = SureViewAt(Rigid3());
+  const auto pose = keyframes.Align(ImageAt(Rigid3(), 0.003, DepthScene::kBoxPushed), view);
+  ASSERT_TRUE(pose);
+  EXPECT_FALSE(pose->KnowsAllDirections()) << "only the box showed how far the camera went to the side";
+  EXPECT_FALSE(pose->confirmed);
+  EXPECT_LT(Log(Corrected(Rigid3(), view.covariance, *pose)).norm(), 2e-3);
+  EXPECT_EQ(keyframes.without_things(), 1U);
+}
+
+TEST(DepthKeyframes, AThingThatStandsTellsOfTheCameraAsLongAsEventsAgree) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3(), 0, DepthScene::kBoxBeforeWall), SureViewAt(Rigid3()));
+  const Rigid3 truth = Rigid3::Translation({0.04, 0, 0});
+  const auto pose = keyframes.Align(ImageAt(truth, 0, DepthScene::kBoxBeforeWall),
+                                    SureViewAt(truth * Rigid3::Translation({0.003, 0, 0})));
+  ASSERT_TRUE(pose);
+  EXPECT_TRUE(pose->KnowsAllDirections());
+  EXPECT_LT(Log(truth.inverse() * pose->T_world_event).norm(), 2e-3);
+  EXPECT_EQ(keyframes.without_things(), 0U);
+}
+
+TEST(DepthKeyframes, ALostCameraIsFoundByTheOneThingInViewAsWell) {
+  DepthKeyframes keyframes(DepthRig());
+  keyframes.Align(ImageAt(Rigid3(), 0, DepthScene::kBoxBeforeWall), SureViewAt(Rigid3()));
+  DepthKeyframes::View view = SureViewAt(Rigid3::Translation({0.02, 0, 0}));
+  view.lost = true;
+  const auto pose = keyframes.Align(ImageAt(Rigid3(), 0, DepthScene::kBoxBeforeWall), view);
+  ASSERT_TRUE(pose);
+  EXPECT_TRUE(pose->confirmed);
+  EXPECT_LT(Log(pose->T_world_event).norm(), 2e-3);
+}
+
 TEST(DepthKeyframes, APoseThatIsDecimetresOffIsFoundAndConfirmed) {
   DepthKeyframes keyframes(DepthRig());
   keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));

@@ -17,7 +17,8 @@ namespace devo {
 
 inline Camera DepthSceneCamera() { return {320, 240, 260, 260, 158.3, 121.2, "plumb_bob", {0.05, -0.02, 0, 0}}; }
 
-enum class DepthScene { kRoom, kWall, kFurnishedRoom, kBoxOnFloor };
+/// In kBoxPushed the box before the wall stands 2 cm farther to the right.
+enum class DepthScene { kRoom, kWall, kFurnishedRoom, kBoxOnFloor, kBoxBeforeWall, kBoxPushed };
 
 /// Distance along a ray from `origin`, in units of `direction`; infinite where nothing is met.
 inline double MeetScene(DepthScene scene, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
@@ -28,8 +29,9 @@ inline double MeetScene(DepthScene scene, const Eigen::Vector3d& origin, const E
   const bool walls = scene != DepthScene::kBoxOnFloor;
   if (walls) meet((2.5 - origin.z()) / direction.z());
   if (scene == DepthScene::kWall) return nearest;
-  meet((0.9 - origin.y()) / direction.y());              // floor
-  if (walls) meet((-1.2 - origin.x()) / direction.x());  // left wall
+  meet((0.9 - origin.y()) / direction.y());  // floor
+  const bool box_alone = scene == DepthScene::kBoxBeforeWall || scene == DepthScene::kBoxPushed;
+  if (walls && !box_alone) meet((-1.2 - origin.x()) / direction.x());  // left wall
   const auto meet_box = [&](const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
     double enter = 0, leave = std::numeric_limits<double>::infinity();
     for (int i = 0; i < 3; ++i) {
@@ -41,6 +43,11 @@ inline double MeetScene(DepthScene scene, const Eigen::Vector3d& origin, const E
   };
   if (scene == DepthScene::kBoxOnFloor) meet_box({0.6, 0.45, 2.4}, {1.1, 0.9, 3.2});
   if (scene == DepthScene::kBoxOnFloor) return nearest;
+  if (box_alone) {
+    const double pushed_m = scene == DepthScene::kBoxPushed ? 0.02 : 0;
+    meet_box({0.6 + pushed_m, 0.2, 1.4}, {1.2 + pushed_m, 0.9, 2.0});
+    return nearest;
+  }
   meet_box({0.5, 0.2, 1.4}, {1.1, 0.9, 2.0});
   if (scene == DepthScene::kRoom) return nearest;
   meet_box({-0.9, -0.1, 1.7}, {-0.4, 0.9, 2.5});

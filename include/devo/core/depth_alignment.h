@@ -15,20 +15,10 @@
 #include <opencv2/core/mat.hpp>
 
 #include "devo/core/camera.h"
+#include "devo/core/depth_cells.h"
 #include "devo/core/rigid3.h"
 
 namespace devo {
-
-/// A depth image by cells of its undistorted pixels, row-major, in the depth camera's frame.
-struct DepthCells {
-  struct Cell {
-    Eigen::Vector3f p = Eigen::Vector3f::Zero();  ///< mean of its readings, m; z 0: too few, or of several surfaces
-    Eigen::Vector3f n = Eigen::Vector3f::Zero();  ///< unit normal of the surface, towards the camera; 0: unknown
-    float bend_m = 0;  ///< by how far it lies off a plane through the cells beside it; where the normal is known
-  };
-  std::vector<Cell> cells;
-  float median_m = 0;  ///< depth of the cells; 0: none has one
-};
 
 class DepthAligner {
  public:
@@ -48,10 +38,16 @@ class DepthAligner {
   /// From how far off an alignment starts: a few centimetres and degrees, or two decimetres, which takes longer and
   /// finds the wrong surfaces more often.
   enum class Reach { kNear, kFar };
+  /// Not 0: this cell is left out. Empty: none is.
+  using CellMask = std::vector<std::uint8_t>;
   /// Aligns `now` to `ref` from a start within that. Directions that the surfaces leave open stay at the start. Empty
-  /// where too little overlaps.
+  /// where too little overlaps. `without`: of the cells of `now`.
   std::optional<Result> Align(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
-                              Reach reach = Reach::kNear) const;
+                              Reach reach = Reach::kNear, const CellMask& without = {}) const;
+
+  /// The cells of `now` on things each of which tells more of some direction than all else that was aligned: had it
+  /// moved by itself, that would look like a motion of the camera. Empty where there is none.
+  CellMask OnWhatAloneHolds(const DepthCells& ref, const DepthCells& now, const Result& result) const;
 
   struct Guess {
     Rigid3 T_ref_depth;
@@ -66,18 +62,29 @@ class DepthAligner {
     std::int32_t pixel, cell;
     float ray_x, ray_y;
   };
+  struct Overlap;
   struct Equations;
 
   int CellAt(const Eigen::Vector3f& p) const;
   void AddNormals(DepthCells* cells) const;
+  /// Calls `visit(cell of now, distance to the reference's surface in m, weight, derivative of the distance)` for each
+  /// match.
+  template <typename Visit>
+  Overlap ForMatches(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth, double sigma_m,
+                     std::size_t step, const CellMask& without, const Visit& visit) const;
   Equations Linearise(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth, double sigma_m,
-                      std::size_t step) const;
+                      std::size_t step, const CellMask& without) const;
   /// The same, solved; empty where too little overlaps.
   std::optional<Equations> Step(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth, double sigma_m,
-                                std::size_t step) const;
+                                std::size_t step, const CellMask& without) const;
 
-  /// Takes the directions that only noise constrains out of the information; returns the projection on the others.
-  Matrix6d LeaveOpen(const Matrix6d& H, double depth_m, double sigma_m, Result* result) const;
+  /// Of information in the units of distances: its eigenvectors, scaled so that a turn is as large as what it moves at
+  /// the depth of the scene, and which are more than noise.
+  struct Directions {
+    Matrix6d to_units, from_units;  ///< from coordinates along them to [rho; phi]; the same of information
+    Vector6d values, known;         ///< 1 or 0
+  };
+  Directions DirectionsOf(const Matrix6d& H, double depth_m, double sigma_m) const;
 
   Camera camera_;  // undistorted
   cv::Size image_size_;

@@ -51,6 +51,8 @@ class DepthKeyframes {
 
   std::size_t size() const { return keyframes_.size(); }
   std::uint64_t jumps() const { return jumps_; }  ///< how often the depth camera began to see otherwise
+  /// Images for which a thing that alone told a direction was left out, as events denied it.
+  std::uint64_t without_things() const { return without_things_; }
   void Clear();
 
  private:
@@ -61,10 +63,14 @@ class DepthKeyframes {
     bool first = false, stand_in = false;
   };
   using Reach = DepthAligner::Reach;
+  /// Whether a direction rests on one thing alone, which may have moved: then it is to agree with the events, or the
+  /// alignment is of all else.
+  enum class Rests { kOnMany, kOnOneThing, kWithoutIt };
   struct Match {
     int keyframe = -1;
     Reach reach = Reach::kNear;
     DepthAligner::Result result;
+    Rests rests = Rests::kOnMany;
   };
 
   Rigid3 WorldFromKeyframe(const Keyframe& keyframe, double delay_s) const;
@@ -88,8 +94,7 @@ class DepthKeyframes {
   /// Takes it where more of the image overlaps than with the best.
   void Try(std::size_t index, Reach reach, const DepthCells& now, const View& view, Match* best) const;
   bool MayOverlap(const Keyframe& keyframe, Reach reach, const View& view) const;
-  std::optional<DepthAligner::Result> AlignTo(const Keyframe& keyframe, Reach reach, const DepthCells& now,
-                                              const View& view) const;
+  std::optional<Match> AlignTo(std::size_t index, Reach reach, const DepthCells& now, const View& view) const;
   DepthPose MakePose(const Match& match, const View& view) const;
   /// Whether an alignment that tells all directions ends where one from the other side does.
   bool IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now, const View& view) const;
@@ -101,7 +106,7 @@ class DepthKeyframes {
   Rigid3 T_event_depth_;
   std::deque<Keyframe> keyframes_;
   int current_ = -1;
-  std::uint64_t calls_ = 0, jumps_ = 0;
+  std::uint64_t calls_ = 0, jumps_ = 0, without_things_ = 0;
   std::int64_t searched_ns_ = 0;
   DepthContinuity continuity_;  // of the images compared with current_ while tracking is trusted
 };

@@ -31,6 +31,7 @@ struct MappingIdeas {
   bool spread_points = true;
   bool guess_depth = true;
   bool depth_jumps = true;
+  bool doubt_things = true;
 };
 
 struct TrackingIdeas {
@@ -139,6 +140,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "edges where neither map nor depth is get one from around them, which further views correct; false: none");
   visit("ablation.depth_jumps", mapping.depth_jumps,
         "a depth camera that begins to see otherwise is followed from there; false: it is believed as before");
+  visit("ablation.doubt_things", mapping.doubt_things,
+        "a thing that alone shows a motion which events deny is taken to have moved by itself; false: it stands");
   auto& tracking = o.tracking.ideas;
   visit("ablation.match_direction", tracking.match_direction, "points match edges of their direction; false: of any");
   visit("ablation.match_polarity", tracking.match_polarity,

@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "devo/core/depth_image.h"
+#include "devo/core/depth_things.h"
 
 namespace devo {
 namespace {
@@ -136,7 +137,7 @@ void DepthAligner::AddNormals(DepthCells* cells) const {
   for (int row = 1; row + 1 < rows_; ++row) {
     for (int column = 1; column + 1 < columns_; ++column) {
       const int i = row * columns_ + column, left = i - 1, right = i + 1, up = i - columns_, down = i + columns_;
-      const auto joined = [&](int j) { return p(j).z() > 0 && std::abs(p(j).z() - p(i).z()) < SurfaceGap(p(i).z()); };
+      const auto joined = [&](int j) { return HangTogether(cells->cells[i], cells->cells[j]); };
       if (!(p(i).z() > 0) || !joined(left) || !joined(right) || !joined(up) || !joined(down)) continue;
       const Eigen::Vector3f n = (p(right) - p(left)).cross(p(up) - p(down)).normalized();
       if (-n.dot(p(i).normalized()) <= kMinNormalCosine) continue;

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <cmath>
+#include "devo/core/depth_things.h"
 
 #include <Eigen/Geometry>
-
-#include "devo/core/depth_cells.h"
 
 namespace devo {
 namespace {
@@ -56,7 +54,7 @@ void FindThings(DepthCells* cells) {
   std::vector<DepthCells::Cell>& all = cells->cells;
   int with_depth = 0;
   for (const DepthCells::Cell& cell : all) with_depth += cell.p.z() > 0 ? 1 : 0;
-  const auto near = [&all](int a, int b) { return std::abs(all[a].p.z() - all[b].p.z()) < SurfaceGap(all[a].p.z()); };
+  const auto near = [&all](int a, int b) { return HangTogether(all[a], all[b]); };
   const Groups smooth = Connect(
       *cells, [&all](int i) { return !all[i].n.isZero(); },
       [&](int a, int b) { return near(a, b) && all[a].n.dot(all[b].n) > kSmoothCosine; });
@@ -74,11 +72,15 @@ void FindThings(DepthCells* cells) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (rest.of_cell[i] >= 0 && !all[i].n.isZero()) ++telling[rest.of_cell[i]];
   }
-  std::vector<std::int16_t> things;
+  std::vector<std::int16_t> things(telling.size(), -1);
   cells->things = 0;
-  for (const int size : telling) things.push_back(static_cast<std::int16_t>(size < kSmallest ? -1 : cells->things++));
-  for (std::size_t i = 0; i < all.size(); ++i)
-    all[i].thing = rest.of_cell[i] >= 0 ? things[rest.of_cell[i]] : std::int16_t{-1};
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    if (telling[i] >= kSmallest) things[i] = static_cast<std::int16_t>(cells->things++);
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const int group = rest.of_cell[i];
+    all[i].thing = group >= 0 ? things[group] : std::int16_t{-1};
+  }
 }
 
 }  // namespace devo

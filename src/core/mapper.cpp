@@ -236,7 +236,7 @@ std::optional<Mapper::Move> Mapper::AlignDepth(const DepthImage& depth) {
   }
   auto pose = depth_keyframes_.Align(depth, ViewAt(depth.t_ns, *T_world_then));
   counters_.depth_jumps = depth_keyframes_.jumps();
-  counters_.depth_things = depth_keyframes_.without_things();
+  counters_.depth_without_thing = depth_keyframes_.without_things();
   if (!pose) return Move();
   ++counters_.depth_aligned;
   pose->t_ns = depth.t_ns;

@@ -138,7 +138,7 @@ std::string RunReport::ToJson() const {
   json["depth_frames"] = {{"in", counters.mapping.depth_in},
                           {"used", counters.mapping.depth_used},
                           {"aligned", counters.mapping.depth_aligned},
-                          {"without_moving_thing", counters.mapping.depth_things},
+                          {"without_moving_thing", counters.mapping.depth_without_thing},
                           {"jumps", counters.mapping.depth_jumps},
                           {"repeated", counters.mapping.depth_repeated},
                           {"without_valid_pixel", counters.mapping.depth_without_valid_pixel},

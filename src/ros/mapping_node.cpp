@@ -381,7 +381,7 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("points in the global map", global_map_.size());
   status.add("depth images used", counters_.depth_used);
   status.add("depth images aligned to earlier ones", counters_.depth_aligned);
-  status.add("depth images aligned without a thing that moves", counters_.depth_things);
+  status.add("depth images aligned without a thing that moves", counters_.depth_without_thing);
   status.add("times the depth camera began to see otherwise", counters_.depth_jumps);
   status.add("depth images that came again with another stamp", counters_.depth_repeated);
   status.add("depth images without a valid pixel", counters_.depth_without_valid_pixel);

@@ -284,8 +284,9 @@ void Sequence::Impl::Advance(std::int64_t chunk_end_ns) {
   pool.ForEach(rays.height(), [&](int row) { pixels.BeginNoiseBlock(row, block_begin_ns, chunk_end_ns); });
   while (now_ns < chunk_end_ns) {
     const double t = TimeOf(now_ns);
-    const Vector6d twist = trajectory.VelocityAt(t + 5e-4);
-    const double flow = FastestFlow(twist) + FastestSway(t + 5e-4);
+    const double ahead_s = t + 5e-4;
+    const Vector6d twist = trajectory.VelocityAt(ahead_s);
+    const double flow = FastestFlow(twist) + FastestSway(ahead_s);
     const double dt = std::clamp(options.max_flow_px / std::max(flow, 1e-6), kShortestStep_s, kLongestStep_s);
     std::int64_t next_ns = std::min(chunk_end_ns, now_ns + NsFromSeconds(dt) / kTick_ns * kTick_ns);
     // A remainder of a few microseconds is not worth a rendering of its own.

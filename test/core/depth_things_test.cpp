@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <algorithm>
+#include "devo/core/depth_things.h"
+
 #include <set>
 
 #include <gtest/gtest.h>

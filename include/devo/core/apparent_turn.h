@@ -56,8 +56,8 @@ class ApparentTurn {
     std::vector<std::int32_t> polarity;  // all: events, and some outside the image, to whole registers
     double squares_per_turn;             // that the image moves over the span, of a turn of 1 rad/s
     int columns, rows;
-    double beforehand,
-        sigma;  // pairs of the turn that is most likely beforehand, and their standard deviation by chance
+    double beforehand;  // pairs of the turn that is most likely beforehand
+    double sigma;       // their standard deviation by chance
   };
   /// What a turn has to be worth.
   struct Price {

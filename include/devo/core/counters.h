@@ -16,12 +16,12 @@ struct SurfaceCounters {
 };
 
 struct MappingCounters {
-  std::uint64_t depth_in = 0;        ///< depth images or sweeps added
-  std::uint64_t depth_used = 0;      ///< of these, met with a surface and a pose
-  std::uint64_t depth_aligned = 0;   ///< images aligned to an earlier one
-  std::uint64_t depth_things = 0;    ///< images aligned without a thing that seems to have moved by itself
-  std::uint64_t depth_jumps = 0;     ///< how often the depth camera began to see otherwise than before
-  std::uint64_t depth_repeated = 0;  ///< images that had come before, with another stamp
+  std::uint64_t depth_in = 0;             ///< depth images or sweeps added
+  std::uint64_t depth_used = 0;           ///< of these, met with a surface and a pose
+  std::uint64_t depth_aligned = 0;        ///< images aligned to an earlier one
+  std::uint64_t depth_without_thing = 0;  ///< images aligned without a thing that seems to have moved by itself
+  std::uint64_t depth_jumps = 0;          ///< how often the depth camera began to see otherwise than before
+  std::uint64_t depth_repeated = 0;       ///< images that had come before, with another stamp
   std::uint64_t depth_without_valid_pixel = 0;
   std::uint64_t references = 0;
 };

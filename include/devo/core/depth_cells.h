@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -18,15 +19,16 @@ struct DepthCells {
   };
   std::vector<Cell> cells;
   int columns = 0;
-  int things = 0;
+  int things = 0;      ///< how many there are
   float median_m = 0;  ///< depth of the cells; 0: none has one
 };
 
 /// Readings of one cell, or neighbouring cells, farther apart than this are of several surfaces; m.
 inline float SurfaceGap(float z_m) { return 0.06F * z_m + 0.01F; }
 
-/// Groups the cells by what they are on: what hangs together in depth once the view's large smooth surfaces (floor,
-/// walls, table tops) are taken out is a thing, be it furniture or somebody who walks by.
-void FindThings(DepthCells* cells);
+/// Whether neighbouring cells, the first of which has depth, may be of one surface.
+inline bool HangTogether(const DepthCells::Cell& cell, const DepthCells::Cell& beside) {
+  return beside.p.z() > 0 && std::abs(beside.p.z() - cell.p.z()) < SurfaceGap(cell.p.z());
+}
 
 }  // namespace devo

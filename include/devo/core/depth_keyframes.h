@@ -94,6 +94,8 @@ class DepthKeyframes {
   /// Takes it where more of the image overlaps than with the best.
   void Try(std::size_t index, Reach reach, const DepthCells& now, const View& view, Match* best) const;
   bool MayOverlap(const Keyframe& keyframe, Reach reach, const View& view) const;
+  /// To the keyframe of this index. Where one thing alone tells a direction and the events deny what comes of it,
+  /// without that thing, unless all else denies the events, too. Empty where too little overlaps.
   std::optional<Match> AlignTo(std::size_t index, Reach reach, const DepthCells& now, const View& view) const;
   DepthPose MakePose(const Match& match, const View& view) const;
   /// Whether an alignment that tells all directions ends where one from the other side does.

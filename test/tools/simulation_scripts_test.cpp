@@ -109,23 +109,57 @@ TEST_F(SimulationScript, OfMotionsWritesEachAsASmoothWayThatBeginsFromRest) {
   }
 }
 
+/// Of a scene, points 5 % of its size apart on each surface, or on the square around a disc.
+std::vector<Eigen::Vector3d> PointsOf(const sim::Scene& scene) {
+  std::vector<Eigen::Vector3d> points;
+  for (const sim::Surface& surface : scene.surfaces()) {
+    const double radius = surface.size_u;
+    double begin = 0, end_a = surface.size_u, end_b = surface.size_v;
+    if (surface.kind == sim::SurfaceKind::kCylinder) end_a = 2 * M_PI * radius;
+    if (surface.kind == sim::SurfaceKind::kDisc) begin = -radius, end_a = end_b = radius;
+    for (double a = 0; a <= 1; a += 0.05) {
+      for (double b = 0; b <= 1; b += 0.05)
+        points.push_back(sim::PointOn(surface, begin + a * (end_a - begin), begin + b * (end_b - begin)));
+    }
+  }
+  return points;
+}
+
 TEST_F(SimulationScript, OfScenesDrawsRoomsInWhichNothingIsWhereTheCameraMoves) {
   Run("simulate_scenes.py", "--count 5");
   const auto table = Lines("scenes.txt");
   ASSERT_EQ(table.size(), 5U);
   for (const std::string& row : table) {
-    const sim::Scene scene = sim::LoadScene(PathOf(row.substr(0, row.find(' ')) + "_scene.yaml"));
+    const sim::Scene scene = sim::LoadScene(PathOf(Columns(row).at(0) + "_scene.yaml"));
     const Eigen::AlignedBox3d where(scene.motion.position_min, scene.motion.position_max);
     EXPECT_GT(scene.surfaces().size(), 6U) << row;
-    for (const sim::Surface& surface : scene.surfaces()) {
-      const double size_a = surface.kind == sim::SurfaceKind::kCylinder ? 2 * M_PI * surface.size_u : surface.size_u;
-      for (double a = 0; a <= 1; a += 0.05) {
-        for (double b = 0; b <= 1; b += 0.05) {
-          const Eigen::Vector3d point = sim::PointOn(surface, a * size_a, b * surface.size_v);
-          ASSERT_GT(where.exteriorDistance(point), 0.3) << row << ": " << point.transpose();
-        }
-      }
+    for (const Eigen::Vector3d& point : PointsOf(scene))
+      ASSERT_GT(where.exteriorDistance(point), 0.3) << row << ": " << point.transpose();
+  }
+}
+
+TEST_F(SimulationScript, OfToursWalksRoundTheRoomPastItsFurnitureAndComesByTheBeginningAgain) {
+  Run("simulate_tours.py", "--count 2");
+  const auto table = Lines("tours.txt");
+  ASSERT_EQ(table.size(), 2U);
+  for (const std::string& row : table) {
+    const std::string name = Columns(row).at(0);
+    const auto points = PointsOf(sim::LoadScene(PathOf(name + "_scene.yaml")));
+    std::vector<Eigen::Vector3d> way;
+    for (const std::string& line : Lines(name + "_way.txt")) {
+      const auto pose = Columns(line);
+      way.emplace_back(std::stod(pose.at(1)), std::stod(pose.at(2)), std::stod(pose.at(3)));
     }
+    ASSERT_EQ(way.size(), 3001U) << "a minute in steps of 20 ms";
+    for (std::size_t i = 0; i < way.size(); i += 25) {
+      for (const Eigen::Vector3d& point : points)
+        ASSERT_GT((way[i] - point).norm(), 0.5) << row << ": " << point.transpose();
+    }
+    const auto to_begin = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+      return (a - way[0]).norm() < (b - way[0]).norm();
+    };
+    EXPECT_LT((*std::min_element(way.begin() + 500, way.end(), to_begin) - way[0]).norm(), 0.2) << row;
+    EXPECT_GT((*std::max_element(way.begin(), way.end(), to_begin) - way[0]).norm(), 2) << row;
   }
 }
 

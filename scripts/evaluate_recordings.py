@@ -8,11 +8,14 @@
                                               --variant "no filter: --set surface.noise_neighbours=0"
     scripts/evaluate_recordings.py --data DIR --variants scripts/ablation.txt --summary clean noisy dark \\
                                               --with "--set topics.imu="
+    scripts/evaluate_recordings.py --data DIR --wide --depth-rate all 5 1 --variant "with IMU:" \\
+                                              --variant "no IMU: --set topics.imu="
 
 The table of recordings has one line each: name, configurations (comma-separated, relative to the repository) and bags
 (comma-separated, relative to --data). A variant is a name and arguments that are added to devo_offline's; without any,
 the defaults are run. Lines of recordings whose bags are missing are skipped and said so. With --summary there is one row
 per depth rate and variant: for the recordings whose names contain each word, the geometric mean of the ATE and the worst.
+With --wide there is one row per recording, with the ATE of each variant and depth rate, and more of the first of these.
 """
 import argparse
 import collections
@@ -97,6 +100,20 @@ def number(value, digits):
     return '-' if value is None else f'{value:.{digits}f}'
 
 
+def mean(values):
+    """Geometric, of positive ones."""
+    return math.exp(sum(map(math.log, values)) / len(values))
+
+
+def markdown(cells):
+    return '| ' + ' | '.join(cells) + ' |'
+
+
+def title(variant, rate, words=''):
+    """Of a row or a column."""
+    return variant if rate == 'all' else f'{variant}, {words}{rate} Hz'
+
+
 def row(job, status, report, message):
     (name, _, _), rate, (variant, _) = job
     head = f'| {name} | {rate} | {variant} | '
@@ -116,8 +133,20 @@ def row(job, status, report, message):
 
 def times(ates, usual):
     """Geometric mean of how many times the errors by recording are the usual ones, over recordings that have both."""
-    ratios = [math.log(ates[name] / usual[name]) for name in ates if usual.get(name)]
-    return math.exp(sum(ratios) / len(ratios)) if ratios else None
+    ratios = [ates[name] / usual[name] for name in ates if usual.get(name)]
+    return mean(ratios) if ratios else None
+
+
+def header(columns):
+    return markdown(columns) + '\n|' + '---|' * len(columns)
+
+
+def full(results):
+    """A row per run, as it comes."""
+    yield header(['recording', 'depth Hz', 'variant', 'ATE cm', '% of path', 'RPE deg', 'RPE cm', 'final deg', 'final cm',
+                  'NEES', 'lost', 'coverage %', 'references', 'x real time', 'CPU s/s'])
+    for result in results:
+        yield row(*result)
 
 
 def summary(results, words):
@@ -127,19 +156,50 @@ def summary(results, words):
         ate = (report.get('evaluation') or {}).get('ate_rmse_m')
         ates.setdefault((rate, variant), {}).update({recording[0]: ate} if ate else {})
         lost[rate, variant] += not report or not report['poses'] or len(report['lost_intervals']) > 0
+    first_variant = next(iter(ates))[1] if ates else ''
+    yield header(['variant'] + [f'{word}: ATE mm, mean / worst' for word in words] + [f'x {first_variant}', 'lost'])
     firsts = {}
     for (rate, variant), by_name in ates.items():
-        cells = []
+        cells = [title(variant, rate, 'depth at ')]
         for word in words:
             group = [1000 * ate for name, ate in by_name.items() if word in name]
-            mean = math.exp(sum(map(math.log, group)) / len(group)) if group else None
-            cells.append(f'{mean:.2f} / {max(group):.2f}' if group else '-')
+            cells.append(f'{mean(group):.2f} / {max(group):.2f}' if group else '-')
         cells.append(number(times(by_name, firsts.setdefault(rate, by_name)), 2))
-        head = variant if rate == 'all' else f'{variant}, depth at {rate} Hz'
-        yield f'| {head} | ' + ' | '.join(cells) + f' | {lost[rate, variant]} |'
+        yield markdown(cells + [str(lost[rate, variant])])
 
 
-def main():
+def wide_cell(report, with_share):
+    """ATE in cm, by itself or with its share of the path, and what was lost."""
+    e = report.get('evaluation') or {}
+    if not e.get('ate_rmse_m'):
+        return '- (lost)' if report else '- (failed)'
+    times_lost = len(report['lost_intervals'])
+    lost = ['', ' (lost)'][times_lost] if times_lost < 2 else f' (lost {times_lost} times)'
+    share = f" ({e['drift_percent']:.2f} %)" if with_share and e.get('drift_percent') is not None else ''
+    return f"{100 * e['ate_rmse_m']:.2f}{share}{lost}"
+
+
+def wide(results):
+    """Rows by recording, with a cell for each variant and depth rate, and below them the geometric means of the columns."""
+    rows, ates = collections.OrderedDict(), collections.OrderedDict()
+    for (recording, rate, (variant, _)), _, report, _ in results:
+        rows.setdefault(recording[0], {})[variant, rate] = report
+        ate = (report.get('evaluation') or {}).get('ate_rmse_m')
+        ates.setdefault((variant, rate), []).extend([ate] if ate else [])
+    columns = list(ates)
+    yield header(['recording'] + [title(*column) for column in columns] + ['RPE deg / cm', 'NEES', 'CPU s/s'])
+    for name, reports in rows.items():
+        first = reports[columns[0]]
+        e = first.get('evaluation') or {}
+        rpe = f"{number(e.get('rpe_rotation_rmse_deg'), 2)} / {number(e.get('rpe_translation_rmse_cm'), 2)}"
+        cpu = first and first['cpu_s'] / max(1e-9, first['end_s'] - first['begin_s'])
+        yield markdown([name] + [wide_cell(reports[column], column == columns[0]) for column in columns]
+                       + [rpe, number(e.get('nees'), 2), number(cpu or None, 2)])
+    means = [100 * mean(column) if column else None for column in ates.values()]
+    yield markdown(['geometric mean'] + [number(value, 3) for value in means] + ['-'] * 3)
+
+
+def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--data', required=True, help='folder of the bags')
     parser.add_argument('--recordings', nargs='+', default=[os.path.join(REPOSITORY, 'scripts/recordings.txt')],
@@ -149,35 +209,41 @@ def main():
     parser.add_argument('--variant', action='append', default=[], help='"name: arguments of devo_offline", repeatable')
     parser.add_argument('--variants', help='file with a variant per line')
     parser.add_argument('--with', dest='always', default='', help='arguments of devo_offline added to all variants')
-    parser.add_argument('--summary', nargs='+', metavar='WORD', help='one row per variant, columns by words in names')
+    table = parser.add_mutually_exclusive_group()
+    table.add_argument('--summary', nargs='+', metavar='WORD', help='one row per variant, columns by words in names')
+    table.add_argument('--wide', action='store_true', help='one row per recording, a column per variant and depth rate')
     parser.add_argument('--devo-offline', help='program; else from PATH or build/')
     parser.add_argument('--out', help='folder that keeps the results; else a temporary one')
     parser.add_argument('--jobs', type=int, default=2, help='runs at once; real-time factors are honest with 1')
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def main():
+    arguments = parse_arguments()
     program = find_program(arguments.devo_offline)
     texts = (read_variants(arguments.variants) if arguments.variants else []) + arguments.variant
     always = shlex.split(arguments.always)
     variants = [(text.split(':', 1)[0].strip(), always + shlex.split(text.split(':', 1)[1] if ':' in text else ''))
                 for text in texts] or [('default', always)]
+    cases = [(rate, variant) for rate in arguments.depth_rate for variant in variants]
+    if arguments.wide:  # the rates of a variant side by side
+        cases = [(rate, variant) for variant in variants for rate in arguments.depth_rate]
     recordings = select(arguments.data, arguments.recordings, arguments.only)
     out = arguments.out or tempfile.mkdtemp(prefix='devo_evaluation_')
-    jobs = [(recording, rate, variant) for recording in recordings for rate in arguments.depth_rate for variant in variants]
-    if arguments.summary:
-        columns = ['variant'] + [f'{word}: ATE mm, mean / worst' for word in arguments.summary]
-        columns += [f'x {variants[0][0]}', 'lost']
-    else:
-        columns = ['recording', 'depth Hz', 'variant', 'ATE cm', '% of path', 'RPE deg', 'RPE cm', 'final deg', 'final cm',
-                   'NEES', 'lost', 'coverage %', 'references', 'x real time', 'CPU s/s']
-    print('| ' + ' | '.join(columns) + ' |\n|' + '---|' * len(columns), flush=True)
-    results = []
+    jobs = [(recording, *case) for recording in recordings for case in cases]
+    failed = 0
+
+    def counted(results):
+        nonlocal failed
+        for result in results:
+            failed += result[1] != 0
+            yield result
+
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
-        for result in pool.map(lambda job: run(program, arguments.data, out, job), jobs):
-            if not arguments.summary:
-                print(row(*result), flush=True)
-            results.append(result)
-    for line in summary(results, arguments.summary) if arguments.summary else []:
-        print(line)
-    failed = sum(status != 0 for _, status, _, _ in results)
+        results = counted(pool.map(lambda job: run(program, arguments.data, out, job), jobs))
+        table = summary(results, arguments.summary) if arguments.summary else wide(results) if arguments.wide else full(results)
+        for line in table:
+            print(line, flush=True)
     if not arguments.out:
         shutil.rmtree(out)
     if failed:

@@ -6,6 +6,7 @@
 
 #include <ceres/tiny_solver.h>
 #include <ceres/version.h>
+#include <Eigen/Eigenvalues>
 
 #include "devo/core/alignment_problem.h"
 #include "devo/core/edge_lag.h"
@@ -24,6 +25,7 @@ constexpr double kFineShare = 0.5;
 // Fall of the cost per point, as a share of the squared truncation, below which matches flicker and the pose does not
 // get better.
 constexpr double kConverged = 1e-5;
+constexpr double kRidge = 1e-9;  // of the trace, where all points move alike
 
 /// Points that should show in the surface, with what their edges look like from the start pose.
 void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, const Camera& camera,
@@ -92,6 +94,24 @@ void CountMatches(const AlignmentProblem& problem, AlignmentResult* result) {
   result->mean_residual_px = matched > 0 ? residual / matched : 0;
 }
 
+/// Of the information of points what their edges' normals can tell. A normal that is off by an angle has its point
+/// measure that much of its way along the edge, of which it shows nothing: along stripes, hundreds of points would know
+/// to a millimetre what none of them sees (errors in variables). Of a direction that is told no better than so nothing
+/// is left, and of one that is told n times as well all but its 1/n^2.
+Matrix6d BeyondNormals(const Matrix6d& information, const AlignmentProblem::Normals& normals) {
+  const double ridge = kRidge * information.trace();
+  if (!(ridge > 0 && normals.angle_variance > 0)) return information;
+  const Matrix6d across_and_along = information + normals.along + ridge * Matrix6d::Identity();
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix6d> eigen(information, across_and_along);
+  Vector6d kept = eigen.eigenvalues();  // of each direction's information what is told across edges
+  for (int k = 0; k < 6; ++k) {
+    const double across = kept(k), by_noise = normals.angle_variance * (1 - across);
+    kept(k) = across > by_noise ? across - by_noise * by_noise / across : 0;
+  }
+  const Matrix6d V = across_and_along * eigen.eigenvectors();
+  return V * kept.asDiagonal() * V.transpose();
+}
+
 struct Minimum {
   double cost;           // mean over the points
   Matrix6d information;  // of the points
@@ -125,14 +145,22 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
   PreparePoints(points, surface, camera, prior, velocity_event, options, &prepared);
   AlignmentResult result;
   result.T_event_ref = prior.T_event_ref;
+  const TrackingIdeas& ideas = options.tracking.ideas;
+  const auto note = [&](const AlignmentProblem& problem, const Matrix6d& information) {
+    result.information = result.credible_information = information;
+    if (ideas.noise_of_normals)
+      result.credible_information = BeyondNormals(information, problem.NormalsAt(result.T_event_ref));
+  };
   const AlignmentProblem coarse(prepared, surface, camera, prior, result.T_event_ref, options);
   const Minimum near = Minimise(coarse, options.tracking.max_iterations, &result);
   result.cost = near.cost;
-  result.information = near.information;
   const bool may_go_on = result.iterations < options.tracking.max_iterations;
-  if (options.tracking.ideas.fine_alignment && may_go_on && !surface.nearest_edge.empty()) {
+  if (ideas.fine_alignment && may_go_on && !surface.nearest_edge.empty()) {
     const AlignmentProblem fine(prepared, surface, camera, prior, result.T_event_ref, options, kFineShare);
-    result.information = Minimise(fine, options.tracking.max_iterations, &result).information;
+    const Minimum nearer = Minimise(fine, options.tracking.max_iterations, &result);
+    note(fine, nearer.information);
+  } else {
+    note(coarse, near.information);
   }
   CountMatches(coarse, &result);
   return result;

@@ -133,10 +133,20 @@ void AlignmentProblem::Project(const Eigen::Matrix3f& R, const Eigen::Vector3f& 
   }
 }
 
+Eigen::Matrix<float, 6, 1> AlignmentProblem::RowAlong(const Eigen::Vector2f& direction, const AlignmentPoint& point,
+                                                      const View& view, const Eigen::Matrix3f& R) const {
+  const Eigen::Vector3f& p = view.p_event;
+  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
+  const float inverse_z = 1 / p.z(), a = fx * direction.x() * inverse_z, b = fy * direction.y() * inverse_z;
+  const Eigen::Vector3f g_ref = R.transpose() * Eigen::Vector3f(a, b, -(a * p.x() + b * p.y()) * inverse_z);
+  Eigen::Matrix<float, 6, 1> row;
+  row.head<3>() = g_ref;
+  row.tail<3>() = point.p_ref.cross(g_ref);
+  return row;
+}
+
 bool AlignmentProblem::PointRow(const AlignmentPoint& point, const View& view, const Eigen::Matrix3f& R,
                                 float* residual, Eigen::Matrix<float, 6, 1>* row) const {
-  const auto fx = static_cast<float>(camera_.fx()), fy = static_cast<float>(camera_.fy());
-  const Eigen::Vector3f& p = view.p_event;
   const Sample sample = view.in_front ? SampleField(point, view.u, view.v) : Sample();
   // An edge that moves along itself shows little: what seems to match it is more often another.
   const float weight = std::sqrt(point.expected);
@@ -147,12 +157,28 @@ bool AlignmentProblem::PointRow(const AlignmentPoint& point, const View& view, c
   const RobustRoot robust(sample.value, huber_);
   *residual = weight * robust.value;
   if (row == nullptr) return true;
-  const float inverse_z = 1 / p.z(), a = fx * sample.gradient_x * inverse_z, b = fy * sample.gradient_y * inverse_z;
-  const Eigen::Vector3f g_event(a, b, -(a * p.x() + b * p.y()) * inverse_z);
-  const Eigen::Vector3f g_ref = (weight * robust.derivative) * (R.transpose() * g_event);
-  row->head<3>() = g_ref;
-  row->tail<3>() = point.p_ref.cross(g_ref);
+  const float scale = weight * robust.derivative;
+  *row = RowAlong({scale * sample.gradient_x, scale * sample.gradient_y}, point, view, R);
   return true;
+}
+
+AlignmentProblem::Normals AlignmentProblem::NormalsAt(const Rigid3& T_event_ref) const {
+  const Eigen::Matrix3f R = T_event_ref.rotation().toRotationMatrix().cast<float>();
+  ProductsOfRows rows;
+  double squares = 0, weights = 0;
+  ForViews(T_event_ref, [&](const AlignmentPoint& point, const View& view) {
+    if (plain_ || !view.in_front || (point.normal_x == 0 && point.normal_y == 0)) return;
+    const Sample sample = SampleField(point, view.u, view.v);
+    if (!sample.matched) return;
+    const float scale = std::sqrt(point.expected) * RobustRoot(sample.value, huber_).derivative;
+    const float sine = point.normal_x * sample.gradient_y - point.normal_y * sample.gradient_x;
+    const double weight = static_cast<double>(scale) * scale;
+    squares += weight * sine * sine;
+    weights += weight;
+    rows.Add(RowAlong({-scale * sample.gradient_y, scale * sample.gradient_x}, point, view, R), 0);
+  });
+  if (!(weights > 0)) return {};
+  return {rows.Sum().leftCols<6>(), squares / weights};
 }
 
 Vector6d AlignmentProblem::PriorResidual(const Rigid3& T) const {

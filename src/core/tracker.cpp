@@ -471,7 +471,7 @@ void Tracker::Register(const Surface& surface, PoseEstimate* pose) {
   const ErrorsAlike alike = ErrorsAlikeIn(surface);
   const PosePrior prior = MakePrior(predicted, ScaleOf(alike));
   AlignmentResult result = Align(map_->points, surface, camera_, prior, predicted.velocity_event, options_);
-  if (!result.T_event_ref.IsFinite() || !result.information.allFinite()) {
+  if (!result.T_event_ref.IsFinite() || !result.credible_information.allFinite()) {
     Coast(surface.t_edges_ns);  // never a pose that is not a number
     return;
   }
@@ -508,10 +508,13 @@ void Tracker::StartWhereFound(const Surface& surface, const Rigid3& T_world_foun
 void Tracker::Measure(const Surface& surface, const MotionFilter::Prediction& predicted, const AlignmentResult& result,
                       const ErrorsAlike& alike) {
   const double scale = ScaleOf(alike);
+  // Where little matches, most of it is false, and so is what normals differ by.
+  const bool suspicious = status_.quality().IsSuspicious(result.inlier_share);
+  const Matrix6d& information = suspicious ? result.information : result.credible_information;
   // Right perturbation in `ref` to right perturbation of T_world_event: Exp(d_event) = Exp(-Ad(T_event_ref) d_ref).
   const Matrix6d A = Adjoint(result.T_event_ref.inverse());
   step_.measured = MotionFilter::LikelihoodOf(predicted, map_->WorldFromEvent(result.T_event_ref),
-                                              A.transpose() * result.information * A / (scale * scale),
+                                              A.transpose() * information * A / (scale * scale),
                                               alike.shared / alike.own, residual_scale_.variance_scale());
   const double weight = status_.quality().Weight(result.inlier_share);
   if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);

@@ -384,6 +384,80 @@ TEST(Alignment, LooksCloserOnceItIsNearSoThatEdgesBesideTheTrueOnesPullLess) {
   EXPECT_LT(error_px(OdometryOptions()), 0.7 * error_px(once));
 }
 
+/// The edges' normals turned, each by an angle that is drawn.
+Surface WithTurnedNormals(Surface surface, double mean_rad, double sigma_rad) {
+  std::mt19937 random(5);
+  std::normal_distribution<float> angle(static_cast<float>(mean_rad), static_cast<float>(sigma_rad));
+  for (EdgePoint& edge : surface.edges) {
+    const Eigen::Vector2f normal = Eigen::Rotation2Df(angle(random)) * Eigen::Vector2f(edge.nx, edge.ny);
+    edge.nx = normal.x();
+    edge.ny = normal.y();
+  }
+  return surface;
+}
+
+std::vector<AlignmentPoint> OfKnownNormals(const std::vector<MapPoint>& points) {
+  std::vector<AlignmentPoint> out = Unspecific(points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    out[i].normal_x = points[i].normal_ref.x();
+    out[i].normal_y = points[i].normal_ref.y();
+  }
+  return out;
+}
+
+TEST(AlignmentProblem, MotionAlongTheEdgesIsMotionAcrossOnesThatAreTurnedByARightAngle) {
+  const auto points = Scene();
+  const Camera camera = TestCamera();
+  const Surface surface = Seen(points, Rigid3()), turned = WithTurnedNormals(surface, M_PI / 2, 0);
+  const auto known = OfKnownNormals(points), unspecific = Unspecific(points);
+  OdometryOptions squares;
+  squares.tracking.huber_share = 10;
+  const AlignmentProblem problem(known, surface, camera, {}, Rigid3(), squares);
+  const AlignmentProblem across_turned(unspecific, turned, camera, {}, Rigid3(), squares);
+  const Matrix6d along = problem.NormalsAt(Rigid3()).along, expected = across_turned.SumsAt(Vector6d::Zero()).of_points;
+  EXPECT_LT((along - expected).norm(), 0.01 * expected.norm());
+}
+
+TEST(AlignmentProblem, MeasuresHowNormalsOfPointsAndOfTheirEdgesDiffer) {
+  const auto points = Scene();
+  const Camera camera = TestCamera();
+  const auto known = OfKnownNormals(points);
+  for (const double sigma_rad : {0.0, 0.05, 0.15}) {
+    const Surface surface = WithTurnedNormals(Seen(points, Rigid3()), 0, sigma_rad);
+    const AlignmentProblem problem(known, surface, camera, {}, Rigid3(), {});
+    EXPECT_NEAR(std::sqrt(problem.NormalsAt(Rigid3()).angle_variance), sigma_rad, 0.01 + 0.05 * sigma_rad);
+  }
+}
+
+TEST(Alignment, KnowsNothingOfAMotionAlongStripesWhateverTheNoiseOfTheirNormals) {
+  std::vector<MapPoint> points;
+  for (int x = 20; x <= 220; x += 10) AddSegment({x, 20}, {x, 160}, 1.5, &points);
+  const Surface surface = WithTurnedNormals(Seen(points, Rigid3()), 0, 0.15);
+  OdometryOptions exact;
+  exact.tracking.ideas.noise_of_normals = false;
+  const auto informed = [&](const OdometryOptions& options) {
+    return Align(points, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).credible_information;
+  };
+  const Matrix6d with = informed(OdometryOptions()), without = informed(exact);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(with);
+  EXPECT_GT(eigen.eigenvalues()(0), -1e-6 * with.trace());
+  EXPECT_GT(with(0, 0), 0.9 * without(0, 0)) << "across them";
+  EXPECT_GT(without(1, 1), 0.01 * without(0, 0)) << "along them, as if their normals were exact";
+  EXPECT_LT(with(1, 1), 0.2 * without(1, 1));
+}
+
+TEST(Alignment, KeepsWhatEdgesOfAllDirectionsTell) {
+  const auto points = Scene();
+  const Surface surface = WithTurnedNormals(Seen(points, Rigid3()), 0, 0.1);
+  OdometryOptions exact;
+  exact.tracking.ideas.noise_of_normals = false;
+  const auto informed = [&](const OdometryOptions& options) {
+    return Align(points, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).credible_information;
+  };
+  const Matrix6d with = informed(OdometryOptions()), without = informed(exact);
+  for (int axis = 0; axis < 6; ++axis) EXPECT_GT(with(axis, axis), 0.9 * without(axis, axis)) << axis;
+}
+
 TEST(Alignment, WithoutPointsOrEdgesStaysAtThePrior) {
   const Rigid3 start = Exp(0.1 * Vector6d::Ones());
   const auto no_points = Align({}, Seen(Scene(), Rigid3()), TestCamera(), WeakPrior(start), Vector6d::Zero(), {});

@@ -26,7 +26,9 @@ struct PosePrior {
 struct AlignmentResult {
   Rigid3 T_event_ref;
   Matrix6d information =
-      Matrix6d::Zero();         ///< J'J of the points, of a right perturbation [rho; phi] in the frame `ref`
+      Matrix6d::Zero();  ///< J'J of the points, of a right perturbation [rho; phi] in the frame `ref`
+  /// What of it is left beyond what the noise of edges' normals makes of motion along them.
+  Matrix6d credible_information = Matrix6d::Zero();
   double cost = 0;              ///< mean robust cost per point, with all of the truncation
   int visible = 0;              ///< points expected in the image
   int matched = 0;              ///< of these, on an edge to within the truncation and of fitting direction

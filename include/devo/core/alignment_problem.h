@@ -54,6 +54,17 @@ class AlignmentProblem {
   /// Without storing a row per point.
   Sums SumsAt(const Vector6d& dtheta) const;
 
+  /// What the normals of the edges that points meet are worth.
+  struct Normals {
+    /// J'J of the same points, were their distances measured along the edges in place of across.
+    Matrix6d along = Matrix6d::Zero();
+    /// Of the angle between a point's normal, as its edge had it when the point was made, and that of the edge it meets
+    /// now, rad^2: it has the noise of both.
+    double angle_variance = 0;
+  };
+  /// At T_event_ref, over the points that meet an edge of their direction; zero in the paper's field, which has none.
+  Normals NormalsAt(const Rigid3& T_event_ref) const;
+
   /// Signed distance of a point's projection to its edge in pixels (or the paper's field, 0 to 1).
   struct Sample {
     bool matched = false;
@@ -94,6 +105,10 @@ class AlignmentProblem {
   /// respect to a right perturbation of T. Returns whether it is matched.
   bool PointRow(const AlignmentPoint& point, const View& view, const Eigen::Matrix3f& R, float* residual,
                 Eigen::Matrix<float, 6, 1>* row) const;
+  /// Row of the Jacobian, with respect to a right perturbation of a pose T of rotation `R`, of how a point moves along
+  /// a direction in the image, px.
+  Eigen::Matrix<float, 6, 1> RowAlong(const Eigen::Vector2f& direction, const AlignmentPoint& point, const View& view,
+                                      const Eigen::Matrix3f& R) const;
   /// The prior's six residuals and their Jacobian with respect to `dtheta`, T = T_event_ref * Exp(dtheta).
   Vector6d PriorResidual(const Rigid3& T) const;
   Matrix6d PriorJacobian(const Rigid3& T, const Matrix6d& J_r) const;

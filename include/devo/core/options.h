@@ -40,6 +40,7 @@ struct TrackingIdeas {
   bool visibility_weight = true;
   bool unmatched_cost = true;
   bool fine_alignment = true;
+  bool noise_of_normals = true;
   bool weigh_events = true;
   bool weigh_matches = true;
   bool shared_errors = true;
@@ -152,6 +153,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points without an edge cost as much as one at the truncation; false: nothing");
   visit("ablation.fine_alignment", tracking.fine_alignment,
         "once they lie near their edges, points are aligned again with half of the truncation; false: only once");
+  visit("ablation.noise_of_normals", tracking.noise_of_normals,
+        "what the noise of edges' normals tells of motion along them does not count; false: it does, as if exact");
   visit("ablation.weigh_matches", tracking.weigh_matches,
         "poses that match less than usual count less; false: as those that match as usual");
   visit("ablation.weigh_events", tracking.weigh_events,

@@ -445,6 +445,7 @@ PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double s
   const Matrix6d information = predicted.aligned_covariance.ldlt().solve(Matrix6d::Identity());
   prior.position_covariance = predicted.aligned_covariance.topLeftCorner<3, 3>();
   prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
+  prior.guided = inertial_prior_;
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
   if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
   return prior;

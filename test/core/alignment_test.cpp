@@ -444,6 +444,10 @@ TEST(Alignment, KnowsNothingOfAMotionAlongStripesWhateverTheNoiseOfTheirNormals)
   EXPECT_GT(with(0, 0), 0.9 * without(0, 0)) << "across them";
   EXPECT_GT(without(1, 1), 0.01 * without(0, 0)) << "along them, as if their normals were exact";
   EXPECT_LT(with(1, 1), 0.2 * without(1, 1));
+  PosePrior guided = WeakPrior(Rigid3());
+  guided.guided = true;
+  const auto beside_inertial = Align(points, surface, TestCamera(), guided, Vector6d::Zero(), OdometryOptions());
+  EXPECT_EQ(beside_inertial.credible_information, without) << "an inertial sensor's errors are to be held";
 }
 
 TEST(Alignment, KeepsWhatEdgesOfAllDirectionsTell) {

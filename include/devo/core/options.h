@@ -153,8 +153,10 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "points without an edge cost as much as one at the truncation; false: nothing");
   visit("ablation.fine_alignment", tracking.fine_alignment,
         "once they lie near their edges, points are aligned again with half of the truncation; false: only once");
-  visit("ablation.noise_of_normals", tracking.noise_of_normals,
-        "what the noise of edges' normals tells of motion along them does not count; false: it does, as if exact");
+  visit(
+      "ablation.noise_of_normals", tracking.noise_of_normals,
+      "without an inertial sensor, what the noise of edges' normals tells of motion along them does not count; false: "
+      "it does, as if exact");
   visit("ablation.weigh_matches", tracking.weigh_matches,
         "poses that match less than usual count less; false: as those that match as usual");
   visit("ablation.weigh_events", tracking.weigh_events,

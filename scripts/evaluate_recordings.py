@@ -105,6 +105,11 @@ def mean(values):
     return math.exp(sum(map(math.log, values)) / len(values))
 
 
+def cpu_share(report):
+    """Seconds of CPU per second of data."""
+    return report['cpu_s'] / max(1e-9, report['end_s'] - report['begin_s'])
+
+
 def markdown(cells):
     return '| ' + ' | '.join(cells) + ' |'
 
@@ -126,7 +131,7 @@ def row(job, status, report, message):
              number(e.get('nees'), 2),
              str(len(report['lost_intervals'])) if report['poses'] else 'no pose', f"{100 * report['coverage']:.1f}",
              str(report['references']), number(report['real_time_factor'], 1),
-             number(report['cpu_s'] / max(1e-9, report['end_s'] - report['begin_s']), 2)]
+             number(cpu_share(report), 2)]
     note = f' (exit status {status}: {message})' if status else ''
     return head + ' | '.join(cells) + ' |' + note
 
@@ -192,9 +197,9 @@ def wide(results):
         first = reports[columns[0]]
         e = first.get('evaluation') or {}
         rpe = f"{number(e.get('rpe_rotation_rmse_deg'), 2)} / {number(e.get('rpe_translation_rmse_cm'), 2)}"
-        cpu = first and first['cpu_s'] / max(1e-9, first['end_s'] - first['begin_s'])
+        cpu = cpu_share(first) if first else None
         yield markdown([name] + [wide_cell(reports[column], column == columns[0]) for column in columns]
-                       + [rpe, number(e.get('nees'), 2), number(cpu or None, 2)])
+                       + [rpe, number(e.get('nees'), 2), number(cpu, 2)])
     means = [100 * mean(column) if column else None for column in ates.values()]
     yield markdown(['geometric mean'] + [number(value, 3) for value in means] + ['-'] * 3)
 

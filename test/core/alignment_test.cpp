@@ -405,6 +405,13 @@ std::vector<AlignmentPoint> OfKnownNormals(const std::vector<MapPoint>& points) 
   return out;
 }
 
+/// Of an alignment that begins where it ends.
+Matrix6d CredibleInformation(const std::vector<MapPoint>& points, const Surface& surface, bool noise_of_normals) {
+  OdometryOptions options;
+  options.tracking.ideas.noise_of_normals = noise_of_normals;
+  return Align(points, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).credible_information;
+}
+
 TEST(AlignmentProblem, MotionAlongTheEdgesIsMotionAcrossOnesThatAreTurnedByARightAngle) {
   const auto points = Scene();
   const Camera camera = TestCamera();
@@ -433,12 +440,8 @@ TEST(Alignment, KnowsNothingOfAMotionAlongStripesWhateverTheNoiseOfTheirNormals)
   std::vector<MapPoint> points;
   for (int x = 20; x <= 220; x += 10) AddSegment({x, 20}, {x, 160}, 1.5, &points);
   const Surface surface = WithTurnedNormals(Seen(points, Rigid3()), 0, 0.15);
-  OdometryOptions exact;
-  exact.tracking.ideas.noise_of_normals = false;
-  const auto informed = [&](const OdometryOptions& options) {
-    return Align(points, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).credible_information;
-  };
-  const Matrix6d with = informed(OdometryOptions()), without = informed(exact);
+  const Matrix6d with = CredibleInformation(points, surface, true);
+  const Matrix6d without = CredibleInformation(points, surface, false);
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(with);
   EXPECT_GT(eigen.eigenvalues()(0), -1e-6 * with.trace());
   EXPECT_GT(with(0, 0), 0.9 * without(0, 0)) << "across them";
@@ -453,12 +456,8 @@ TEST(Alignment, KnowsNothingOfAMotionAlongStripesWhateverTheNoiseOfTheirNormals)
 TEST(Alignment, KeepsWhatEdgesOfAllDirectionsTell) {
   const auto points = Scene();
   const Surface surface = WithTurnedNormals(Seen(points, Rigid3()), 0, 0.1);
-  OdometryOptions exact;
-  exact.tracking.ideas.noise_of_normals = false;
-  const auto informed = [&](const OdometryOptions& options) {
-    return Align(points, surface, TestCamera(), WeakPrior(Rigid3()), Vector6d::Zero(), options).credible_information;
-  };
-  const Matrix6d with = informed(OdometryOptions()), without = informed(exact);
+  const Matrix6d with = CredibleInformation(points, surface, true);
+  const Matrix6d without = CredibleInformation(points, surface, false);
   for (int axis = 0; axis < 6; ++axis) EXPECT_GT(with(axis, axis), 0.9 * without(axis, axis)) << axis;
 }
 

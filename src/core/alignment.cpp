@@ -148,9 +148,7 @@ AlignmentResult Align(const std::vector<MapPoint>& points, const Surface& surfac
   const TrackingIdeas& ideas = options.tracking.ideas;
   const auto note = [&](const AlignmentProblem& problem, const Matrix6d& information) {
     result.information = result.credible_information = information;
-    // Beside an inertial sensor, whose errors go on growing, a direction that is held weakly and for a wrong reason is
-    // better off than one that is not held.
-    if (ideas.noise_of_normals && !prior.guided)
+    if (prior.doubt_normals)
       result.credible_information = BeyondNormals(information, problem.NormalsAt(result.T_event_ref));
   };
   const AlignmentProblem coarse(prepared, surface, camera, prior, result.T_event_ref, options);

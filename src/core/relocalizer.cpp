@@ -127,7 +127,7 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
                       Found* best) const {
   // From wide to narrow; without prior, as what moved since is unknown.
   OdometryOptions options = options_;
-  options.tracking.ideas.fine_alignment = options.tracking.ideas.noise_of_normals = false;
+  options.tracking.ideas.fine_alignment = false;
   PosePrior start;
   start.T_event_ref = T_world_event.inverse() * map->T_world_ref;
   start.sqrt_information = 1e-3 * Matrix6d::Identity();

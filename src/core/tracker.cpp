@@ -445,7 +445,9 @@ PosePrior Tracker::MakePrior(const MotionFilter::Prediction& predicted, double s
   const Matrix6d information = predicted.aligned_covariance.ldlt().solve(Matrix6d::Identity());
   prior.position_covariance = predicted.aligned_covariance.topLeftCorner<3, 3>();
   prior.sqrt_velocity_covariance = predicted.velocity_covariance.llt().matrixL();
-  prior.guided = inertial_prior_;
+  // Beside an inertial sensor, whose errors go on growing, a direction that is held weakly and for a wrong reason is
+  // better off than one that is not held.
+  prior.doubt_normals = options_.tracking.ideas.noise_of_normals && !inertial_prior_;
   prior.sqrt_information = scale * information.llt().matrixU().toDenseMatrix();
   if (!options_.tracking.ideas.motion_prior) prior.sqrt_information = kNoPrior * Matrix6d::Identity();
   return prior;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <opencv2/core/mat.hpp>
 
 #include "devo/core/camera.h"
@@ -67,6 +68,18 @@ inline Surface SegmentsSeen(const std::vector<MapPoint>& points, const Rigid3& T
   surface.events_used = static_cast<std::uint32_t>(20 * points.size());
   surface.nearest_edge = cv::Mat1i(camera.height(), camera.width());
   BuildNearestEdgeField(surface.edges, radius_px, &surface.nearest_edge);
+  return surface;
+}
+
+/// The edges' normals turned, each by an angle that is drawn.
+inline Surface WithTurnedNormals(Surface surface, double mean_rad, double sigma_rad) {
+  std::mt19937 random(5);
+  std::normal_distribution<float> angle(static_cast<float>(mean_rad), static_cast<float>(sigma_rad));
+  for (EdgePoint& edge : surface.edges) {
+    const Eigen::Vector2f normal = Eigen::Rotation2Df(angle(random)) * Eigen::Vector2f(edge.nx, edge.ny);
+    edge.nx = normal.x();
+    edge.ny = normal.y();
+  }
   return surface;
 }
 

@@ -754,6 +754,27 @@ TEST(Tracker, FollowsEdgesOfFewEventsLessAndIsLessCertainUnlessThatIsSwitchedOff
   EXPECT_EQ(alike.covariance_event, many.covariance_event);
 }
 
+TEST(Tracker, DoubtsTheNormalsOfEdgesOnlyWithoutAnInertialSensor) {
+  const auto stated = [](bool inertial, bool noise_of_normals) {
+    OdometryOptions exact, options;
+    exact.tracking.ideas.noise_of_normals = false;
+    options.tracking.ideas.noise_of_normals = noise_of_normals;
+    Tracker tracker(TestCamera(), exact);
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    for (int k = 1; k <= 30; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      if (inertial) AddReadings(Read, t_ns, &tracker);
+      // Before a tenth of a second an inertial sensor's noise is not known, and it leads nobody.
+      if (k == 15) tracker.SetOptions(options);
+      if (k > 10) pose = tracker.Track(WithTurnedNormals(Seen(t_ns, TrueAt(t_ns)), 0, 0.2));
+    }
+    return pose->covariance_event;
+  };
+  EXPECT_GT(stated(false, true).trace(), 1.001 * stated(false, false).trace());
+  EXPECT_EQ(stated(true, true), stated(true, false)) << "the errors of an inertial sensor are to be held";
+}
+
 TEST(Tracker, FollowsPosesThatMatchLessThanUsualLessUnlessThatIsSwitchedOff) {
   // A camera at rest, with an inertial sensor, whose edges jump by 2 mm, about a pixel, for one surface, in which two
   // fifths of the points match nothing any more.

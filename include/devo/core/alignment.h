@@ -21,15 +21,15 @@ struct PosePrior {
   /// Cholesky factor of the covariance of the velocity [v; omega] of and in the event frame, m/s and rad/s; zero:
   /// exact.
   Matrix6d sqrt_velocity_covariance = Matrix6d::Zero();
-  bool guided = false;  ///< an inertial sensor led to it
+  bool doubt_normals = false;  ///< what the noise of edges' normals makes of motion along them is not to be believed
 };
 
 struct AlignmentResult {
   Rigid3 T_event_ref;
   Matrix6d information =
       Matrix6d::Zero();  ///< J'J of the points, of a right perturbation [rho; phi] in the frame `ref`
-  /// What of it is left beyond what the noise of edges' normals makes of motion along them; all where the prior is
-  /// guided.
+  /// What of it is left beyond what the noise of edges' normals makes of motion along them, where the prior doubts
+  /// them; else all.
   Matrix6d credible_information = Matrix6d::Zero();
   double cost = 0;              ///< mean robust cost per point, with all of the truncation
   int visible = 0;              ///< points expected in the image

@@ -21,7 +21,8 @@ from std_srvs.srv import SetBool
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from devo_testing import Record  # noqa: E402
 
-IDLE_S = 8
+# So long that the rest of a start, or of another program, does not pass for the nodelets'.
+IDLE_S = 20
 
 
 def pid_of(node):

@@ -83,6 +83,13 @@ class LaunchFilesTest(unittest.TestCase):
         play = [node for node in self.load(path).nodes if node.name == "replay"][0]
         self.assertIn("/tmp/indoor_flying1_data.bag /tmp/indoor_flying1_gt.bag", play.args)
 
+    def test_live_odometry_begins_with_z_up_of_the_camera_and_of_the_base(self):
+        for base, expected in (("", "0 0 0 -0.5 0.5 -0.5 0.5"), ("base_link", "0 0 0 0 0 0 1")):
+            config = roslaunch.config.load_config_default(
+                [(PACKAGE + "/launch/live.launch", REQUIRED["live.launch"] + ["base_frame:=" + base])], None, verbose=False)
+            for nodelet in ("tracking", "mapping"):
+                self.assertEqual(config.params["/devo/%s/initial_pose" % nodelet].value, expected)
+
     def test_rviz_opens_on_the_frame_and_topics_of_the_nodelets(self):
         with open(PACKAGE + "/config/devo.rviz") as text:
             manager = yaml.safe_load(text)["Visualization Manager"]

@@ -55,6 +55,10 @@ void EvtDecoder::Decode(const std::uint8_t* bytes, std::size_t size, std::vector
   }
 }
 
+std::int64_t EvtDecoder::wrap_ns() const {
+  return 1000 * (std::int64_t{1} << (evt3_ ? kEvt3TimeBits + kEvt3TimeShift : kEvt2TimeBits + kEvt2TimeShift));
+}
+
 void EvtDecoder::SetTimeHigh(std::uint64_t high, int bits, int shift) {
   // A counter that falls by more than half its range has wrapped; a smaller fall is a repeated or late word.
   if (has_time_high_ && high < time_high_ && time_high_ - high > (1ULL << (bits - 1))) {

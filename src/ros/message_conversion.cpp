@@ -158,7 +158,15 @@ void EventPacketConverter::Append(const View& packet, std::vector<Event>* events
   const std::size_t begin = events->size();
   decoder_->Decode(packet.bytes, packet.size, events);
   if (events->size() == begin) return;
-  if (!offset_ns_) offset_ns_ = FromRosTime(packet.stamp) - (*events)[begin].t_ns;
+  const std::int64_t stamp_ns = FromRosTime(packet.stamp), wrap_ns = decoder_->wrap_ns();
+  if (!offset_ns_) {
+    offset_ns_ = stamp_ns - (*events)[begin].t_ns;
+  } else if (stamp_ns - last_stamp_ns_ > wrap_ns / 4) {
+    // The decoder sees one wrap at most, and that only in a gap of less than half the counter's range.
+    const auto late_ns = static_cast<double>(stamp_ns - (*events)[begin].t_ns - *offset_ns_);
+    *offset_ns_ += wrap_ns * std::llround(late_ns / static_cast<double>(wrap_ns));
+  }
+  last_stamp_ns_ = stamp_ns;
   std::for_each(events->begin() + static_cast<std::ptrdiff_t>(begin), events->end(),
                 [&](Event& event) { event.t_ns += *offset_ns_; });
 }

@@ -102,6 +102,29 @@ TEST(EventPackets, ArePutOnTheHostsClockOnceAndAnewAfterARestart) {
               ThrowsMessage<std::invalid_argument>(HasSubstr("'mono'")));
 }
 
+TEST(EventPackets, GoOnInTimeAfterAGapInWhichTheSensorsCounterWrapped) {
+  constexpr std::int64_t kWrap_us = 1 << 24;
+  for (const double gap_s : {1.0, 9.0, 12.0, 16.7, 20.0, 30.0, 100.0}) {
+    EventPacketConverter converter;
+    std::vector<Event> events;
+    for (const double t_s : {10.0, 10.0 + gap_s}) {
+      const std::int64_t sensor_us = std::llround(1e6 * t_s) % kWrap_us;
+      EventPacket packet;
+      packet.encoding = "evt3";
+      packet.header.stamp = ros::Time(1000 + t_s + 0.003);  // the host is late by some milliseconds
+      for (const std::int64_t word :
+           {std::int64_t{0x8000} | sensor_us >> 12, std::int64_t{0x6000} | (sensor_us & 0xFFF), std::int64_t{5},
+            std::int64_t{0x2007}}) {
+        packet.events.push_back(static_cast<std::uint8_t>(word));
+        packet.events.push_back(static_cast<std::uint8_t>(word >> 8));
+      }
+      converter.Append(packet, &events);
+    }
+    ASSERT_EQ(events.size(), 2U);
+    EXPECT_NEAR(1e-9 * static_cast<double>(events[1].t_ns - events[0].t_ns), gap_s, 1e-5);
+  }
+}
+
 template <typename T>
 sensor_msgs::Image ImageOf(const std::vector<T>& pixels, const std::string& encoding, std::uint32_t padding = 0) {
   sensor_msgs::Image image;

@@ -24,6 +24,8 @@ class EvtDecoder {
   void Decode(const std::uint8_t* bytes, std::size_t size, std::vector<Event>* events);
 
   const std::string& encoding() const { return encoding_; }
+  /// The sensor's counter begins anew after so long: what wraps in longer gaps between words, they do not tell.
+  std::int64_t wrap_ns() const;
   std::uint64_t triggers() const { return triggers_; }            ///< external trigger words so far
   std::uint64_t skipped_words() const { return skipped_words_; }  ///< words with events before the first time or row
 

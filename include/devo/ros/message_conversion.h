@@ -57,7 +57,8 @@ EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::s
 
 /// Decodes a stream of EventPackets. The sensor's clock is put on the host's by one constant offset, from the first
 /// packet with events: its header.stamp (arrival of its first bytes) minus its first event's time. A sensor that is
-/// restarted (encoding or size changes, sequence number falls) is put on the host's clock anew.
+/// restarted (encoding or size changes, sequence number falls) is put on the host's clock anew. Wraps of the sensor's
+/// counter in a gap between packets are known from their stamps.
 class EventPacketConverter {
  public:
   /// `Packet`: EventPacket of this package or another's of the same layout. Throws std::runtime_error naming an
@@ -85,6 +86,7 @@ class EventPacketConverter {
   std::optional<EvtDecoder> decoder_;
   std::optional<std::int64_t> offset_ns_;
   std::uint64_t last_seq_ = 0;
+  std::int64_t last_stamp_ns_ = 0;  // of a packet with events
 };
 
 /// 16UC1 (millimetres, 0 invalid) or 32FC1 (metres; NaN, infinite and not positive are invalid: REP-117, REP-118), of

@@ -241,6 +241,9 @@ class Run {
       if (count > 0) report_.warnings.push_back(std::to_string(count) + " " + what);
     };
     for (const std::string& missing : reader_.MissingOptional()) report_.warnings.push_back(missing);
+    warn(reader_.left_out().events_stray, events +
+                                              "have times far from all others and are left out, expected times of "
+                                              "one clock");
     warn(reader_.left_out().imu_unordered, "IMU samples of topic '" + config_.topics.imu +
                                                "' are not later than the one before and are left out, expected stamps "
                                                "that rise");

@@ -45,6 +45,18 @@ StampedPose PoseFrom(const std::string& md5, const ByteSpan& bytes) {
 
 enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
 
+// The nodelets begin anew after such a gap (reset_after_gap_s).
+constexpr double kMostGap_s = 10;
+
+/// As the nodelets do, where one event lies far from the others; the order within a message is left as it is.
+std::size_t DropStray(std::vector<Event>* events) {
+  const auto earlier = [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; };
+  const auto ends = std::minmax_element(events->begin(), events->end(), earlier);
+  if (events->empty() || SecondsFromNs(ends.second->t_ns - ends.first->t_ns) <= kMostGap_s) return 0;
+  std::stable_sort(events->begin(), events->end(), earlier);
+  return DropStrayEvents(kMostGap_s, events);
+}
+
 void CountUnordered(Role role, LeftOut* left_out) {
   if (role == Role::kDepth || role == Role::kPoints) ++left_out->depth_unordered;
   if (role == Role::kImu) ++left_out->imu_unordered;
@@ -114,6 +126,7 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
   for (const auto& stream : streams_) {
     if (stream->role != Role::kEvents) continue;
     FillAhead(stream.get());
+    DropStrayBeginning(stream.get());
     if (!stream->ahead.empty()) first_ns = std::min(first_ns, stream->ahead.front().t_ns);
   }
   if (first_ns == std::numeric_limits<std::int64_t>::max()) {
@@ -300,6 +313,7 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
     } else {
       AppendSerializedEvents(bytes.data, bytes.size, events.get());
     }
+    left_out_.events_stray += DropStray(events.get());
     if (events->empty()) return false;
     ahead.t_ns = events->front().t_ns;
     EventSlice slice;
@@ -352,6 +366,14 @@ void BagReader::FillAhead(Stream* stream) {
   }
   // What was looked ahead before the bad message comes out first.
   if (stream->ahead.empty() && !stream->error.empty()) throw std::runtime_error(stream->error);
+}
+
+void BagReader::DropStrayBeginning(Stream* stream) {
+  std::deque<Stream::Ahead>& ahead = stream->ahead;
+  while (ahead.size() > 1 && SecondsFromNs(ahead[1].t_ns - ahead[0].t_ns) > kMostGap_s) {
+    left_out_.events_stray += std::get<EventSlice>(ahead[0].item).events.size;
+    ahead.pop_front();
+  }
 }
 
 BagItem BagReader::TakeEvents(Stream* stream) {

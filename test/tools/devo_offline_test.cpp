@@ -307,6 +307,26 @@ TEST_F(DevoOffline, ToleratesAFewUnorderedEventsWithAWarning) {
   EXPECT_THAT(result.err, HasSubstr("earlier than the one before"));
 }
 
+TEST_F(DevoOffline, LeavesOutEventsWhoseTimesAreFarFromAllOthers) {
+  TinyRecording recording;
+  recording.Write(Bag());
+  ASSERT_EQ(Run().status, 0);
+  const std::string undisturbed = Trajectory();
+  // A bit that was transferred wrongly, and a first message without stamps.
+  auto later = recording.events[20].events[10];
+  later.ts = ros::Time(4000000000U, 0);
+  recording.events[20].events.push_back(later);
+  EventArray unstamped = recording.events[0];
+  for (auto& event : unstamped.events) event.ts = ros::Time();
+  recording.events.insert(recording.events.begin(), unstamped);
+  recording.Write(Bag());
+  const ProgramResult result = Run();
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(Trajectory(), undisturbed);
+  const std::string count = std::to_string(1 + unstamped.events.size());
+  EXPECT_THAT(result.err, HasSubstr(count + " events of topic '/events' have times far from all others"));
+}
+
 TEST_F(DevoOffline, SaysThatDepthStampsRepeat) {
   TinyRecording recording;
   for (auto& image : recording.depth) image.header.stamp = recording.depth[4].header.stamp;

@@ -44,6 +44,7 @@ struct BagRange {
 
 /// How many messages the reader left out, and why.
 struct LeftOut {
+  std::uint64_t events_stray = 0;     ///< times far from those of the other events of their message, or after it
   std::uint64_t depth_unordered = 0;  ///< images and sweeps that were not later than the one before
   std::uint64_t imu_unordered = 0;
   std::uint64_t imu_no_reading = 0;        ///< IsReading() says no
@@ -101,6 +102,8 @@ class BagReader {
   ImuSample ImuInEventFrame(const sensor_msgs::Imu& message);
   void FillAhead(Stream* stream);
   bool Decode(Stream* stream, const BagEntry& entry);
+  /// Leaves out the first arrays of events where a long gap lies before the next: most often their stamps are 0.
+  void DropStrayBeginning(Stream* stream);
   BagItem TakeEvents(Stream* stream);
 
   RigConfig config_;

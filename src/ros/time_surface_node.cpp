@@ -75,11 +75,11 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
     }
     {
       const std::lock_guard<std::mutex> lock(mutex_);
-      queued_events_ += message.most_events;
+      queued_events_ += message.num_events;
       messages_.push_back(std::move(message));
       while (queued_events_ > max_queued_events_ && messages_.size() > 1) {
-        queued_events_ -= messages_.front().most_events;
-        dropped_events_ += messages_.front().most_events;
+        queued_events_ -= messages_.front().num_events;
+        dropped_events_ += messages_.front().num_events;
         messages_.pop_front();
         messages_.front().after_loss = true;
       }
@@ -226,7 +226,7 @@ void TimeSurfaceNode::TakeMessages() {
   while (std::optional<EventMessage> message = NextMessage()) {
     Batch batch;
     batch.arrival = message->arrival;
-    batch.queued_as = message->most_events;
+    batch.queued_as = message->num_events;
     batch.after_loss = message->after_loss;
     batch.events = std::exchange(spare_, {});
     batch.events.clear();
@@ -236,6 +236,7 @@ void TimeSurfaceNode::TakeMessages() {
       Finish(std::move(batch));
       throw;
     }
+    CountAs(batch.events.size(), &batch);
     if (batch.events.empty()) {
       input_->ArrivedEmpty();
       Finish(std::move(batch));
@@ -253,7 +254,7 @@ std::optional<EventMessage> TimeSurfaceNode::NextMessage() {
   if (messages_.empty() || decoded_events_ > max_queued_events_ / 2) return std::nullopt;
   EventMessage message = std::move(messages_.front());
   messages_.pop_front();
-  decoded_events_ += message.most_events;
+  decoded_events_ += message.num_events;
   return message;
 }
 
@@ -281,6 +282,12 @@ void TimeSurfaceNode::ReturnMemory() {
 #ifdef __GLIBC__
   malloc_trim(0);
 #endif
+}
+
+void TimeSurfaceNode::CountAs(std::size_t events, Batch* batch) {
+  decoded_events_ += events - batch->queued_as;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  queued_events_ += events - std::exchange(batch->queued_as, events);
 }
 
 void TimeSurfaceNode::Finish(Batch batch) {

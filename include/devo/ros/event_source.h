@@ -17,16 +17,13 @@ namespace devo {
 /// A message as it came, shared with its publisher.
 struct EventMessage {
   boost::shared_ptr<const void> message;
-  /// Events in it; for packets, which are compressed, the most that its bytes can hold.
-  std::size_t most_events = 0;
+  std::size_t num_events = 0;  ///< for packets, which are compressed, about: known once they are decoded
   /// Appends its events. `packets` keeps what decoding packets needs of those before. Throws std::runtime_error naming
   /// an encoding that is not known.
   std::function<void(EventPacketConverter* packets, std::vector<Event>* events)> append;
   ros::WallTime arrival;
   bool after_loss = false;  ///< messages before it were dropped
 };
-
-struct EventMessageType;
 
 /// Subscribes in the C++ type of the topic's publisher, as the master names it (also when the publisher starts later),
 /// so that within one process its object comes without a copy: EventArray and EventPacket of this package and, where
@@ -38,14 +35,12 @@ class EventSource {
               std::function<void(EventMessage)> on_message);
 
  private:
-  void Subscribe(const EventMessageType& type);
-  void CheckType();
+  bool Subscribe();  ///< false while that cannot be yet
 
   ros::NodeHandle nh_;
   std::string topic_;
   int queue_size_;
   std::function<void(EventMessage)> on_message_;
-  std::string type_;  // subscribed
   ros::Subscriber subscriber_;
   ros::WallTimer timer_;
 };

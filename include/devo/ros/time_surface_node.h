@@ -68,6 +68,8 @@ class TimeSurfaceNode {
   void TakeMessages();
   std::optional<EventMessage> NextMessage();  ///< none, too, while enough are decoded
   void Accept(Batch batch);
+  /// So many are in it as it turns out: its place in the queue.
+  void CountAs(std::size_t events, Batch* batch);
   void Finish(Batch batch);  ///< has its place in the queue back
   void DropBatches();
   void CountDropped(std::size_t events);

@@ -46,7 +46,9 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   depth_queue_size_ = static_cast<std::size_t>(ReadInt(private_nh, "depth_queue_size", 10, 1, 1000));
   RefuseUnknown(private_nh, WithTunables(Module::kMapping,
                                          {"config", "set", "odom_frame", "event_frame", "base_frame", "initial_pose",
-                                          "map_file", "image_transport", "depth_queue_size", "diagnostic_period"}));
+                                          "map_file", "image_transport", "depth_queue_size", "diagnostic_period",
+                                          // What the transport's own reconfiguration leaves there.
+                                          transport}));
   config_.odometry = ReadTunables(private_nh, Module::kMapping, config_.odometry);
   if (!event_frame.empty()) config_.frames.event = event_frame;
   config_.topics.points = InputTopic(nh_, "points", config_.topics.points);
@@ -205,8 +207,9 @@ bool MappingNode::Step() {
   }
   try {
     const ros::WallTime begin = ros::WallTime::now();
-    for (const DepthMessage& message : depths) AddDepth(message);
+    // Surfaces first: those of a new epoch have the mapper forget what it was given before.
     Feed(surfaces, *answer);
+    for (const DepthMessage& message : depths) AddDepth(message);
     const LocalMapPtr map = mapper_->Update();
     const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
     if (mapper_->last_match().surface && !resolved_.rig.depth_from_lidar) JudgeAlignment(mapper_->last_match());

@@ -87,6 +87,8 @@ void Tracker::SetOptions(const OdometryOptions& options) {
 }
 
 void Tracker::SetMap(LocalMapPtr map) {
+  // One of the epoch before may have been on its way.
+  if (map->epoch < epoch_) return;
   relocalizer_.Remember(map);
   const bool begins = map_ && map->epoch == map_->epoch && (map->chapter != map_->chapter || map->found_by_depth);
   if (begins && !status_.lost()) return;
@@ -216,7 +218,7 @@ void Tracker::Reset() {
   chapter_covariance_.clear();
   rested_.clear();
   started_ns_ = 0;
-  T_world_started_ = Rigid3();
+  T_world_started_ = T_world_before_ = Rigid3();
 }
 
 Vector6d Tracker::SurfaceVelocity() const {

@@ -125,6 +125,11 @@ void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estima
   if (estimate->published_ns > 0) published.fromNSec(static_cast<std::uint64_t>(estimate->published_ns));
   const std::lock_guard<std::mutex> lock(mutex_);
   if (estimate->epoch != epoch_) return;
+  const bool had_pose = last_pose_ && last_pose_->state != TrackingState::kInitialising;
+  if (had_pose && estimate->state == TrackingState::kInitialising && !reset_requested_) {
+    ROS_WARN_STREAM(private_nh_.getNamespace() << ": tracking or mapping has been started again");
+    reset_requested_ = true;
+  }
   last_pose_ = estimate;
   while (!awaiting_pose_.empty() && awaiting_pose_.front().first <= estimate->t_ns) {
     if (awaiting_pose_.front().first == estimate->t_ns && estimate->state != TrackingState::kInitialising) {

@@ -186,10 +186,7 @@ bool TrackingNode::Step() {
     epoch_ = surface->epoch;
     const ros::WallTime begin = ros::WallTime::now();
     for (const auto& pose : depth_poses) tracker_->AddDepthPose(*pose);
-    if (map) {
-      map_ = map;
-      tracker_->SetMap(ToStd(map));
-    }
+    if (map) TakeMap(map);
     if (imu_) {
       for (const ImuSample& sample : imu_->TakeUntil(surface->t_ns)) tracker_->AddImu(sample);
     }
@@ -201,6 +198,18 @@ bool TrackingNode::Step() {
     failures_.Add(error.what());
   }
   return true;
+}
+
+void TrackingNode::TakeMap(const boost::shared_ptr<const LocalMap>& map) {
+  // A mapping that was started again counts its maps anew, and in a world of its own. Without a map, the next answer
+  // makes the surfaces begin a new epoch, for all three.
+  if (map_ && map->epoch == map_->epoch && map->id <= map_->id) {
+    map_.reset();
+    tracker_->Reset();
+    return;
+  }
+  map_ = map;
+  tracker_->SetMap(ToStd(map));
 }
 
 void TrackingNode::Answer(const Surface& surface, const std::optional<PoseEstimate>& pose, double tracking_ms) {

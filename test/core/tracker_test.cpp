@@ -191,6 +191,20 @@ TEST(Tracker, ForgetsItsMapWhenANewEpochBegins) {
   EXPECT_LT(Log(pose->T_world_event).norm(), 1e-3);
 }
 
+TEST(Tracker, TakesNoMapOfAnEpochBeforeThatWasOnItsWay) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  const auto track = [&tracker](int k) {
+    Surface surface = Seen(k * kPeriod_ns, Rigid3());
+    surface.epoch = 1;
+    return tracker.Track(surface);
+  };
+  EXPECT_FALSE(track(1));
+  tracker.SetMap(Map(1));
+  EXPECT_TRUE(track(2));
+  tracker.SetMap(Map(0));
+  EXPECT_TRUE(track(3)) << "it goes on in its own";
+}
+
 TEST(Tracker, FollowsAConstantMotionToAMillimetreAndKnowsItsVelocity) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());

@@ -145,6 +145,21 @@ class LifecycleTest(unittest.TestCase):
         print("tracks %.1f s after the manager was killed" % (time.time() - begin))
         self.assertNotEqual(pid_of("/devo/manager"), dead)
 
+    def test_6_one_nodelet_that_dies_comes_back_and_all_three_begin_a_new_epoch(self):
+        for player in self.players:
+            self.stop(player)
+        for node in ("tracking", "mapping"):
+            player = self.start("--rate", "0.1")  # so that it lasts until the nodelet is there again
+            self.await_tracking(len(self.record.status))
+            epoch = self.record.status[-1].epoch
+            os.kill(pid_of("/devo/" + node), signal.SIGINT)
+
+            def tracks_anew():
+                return any(s.epoch > epoch and s.state_name == "tracking" for s in list(self.record.status)[-100:])
+            self.assertTrue(await_true(tracks_anew), node)
+            self.assertIsNone(player.poll(), "the bag is over: time that goes back begins an epoch, too")
+            self.stop(player)
+
 
 if __name__ == "__main__":
     rostest.rosrun("devo", "lifecycle", LifecycleTest)

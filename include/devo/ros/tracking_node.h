@@ -59,6 +59,7 @@ class TrackingNode {
 
   // On the worker's thread.
   bool Step();
+  void TakeMap(const boost::shared_ptr<const LocalMap>& map);
   void Answer(const Surface& surface, const std::optional<PoseEstimate>& pose, double tracking_ms);
   void DrawReprojection(const Surface& surface, const PoseEstimate& pose);
 

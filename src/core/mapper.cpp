@@ -267,7 +267,7 @@ bool Mapper::UpdateFromSweeps() {
     const LidarSweep sweep = std::move(sweeps_.front());
     sweeps_.pop_front();
     // Without poses the surface of the time in which the sweep passed the view; with them the newest.
-    const auto t_ns = map_.empty() ? lidar_.TimeInView(sweep) : sweep.end_ns;
+    const auto t_ns = map_.empty() || begin_chapter_ ? lidar_.TimeInView(sweep) : sweep.end_ns;
     const SurfacePtr surface = t_ns ? SurfaceFor(*t_ns) : nullptr;
     if (surface) ForgetSurfacesBefore(surface);
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
@@ -288,8 +288,13 @@ std::optional<DepthImage> Mapper::DepthOf(const LidarSweep& sweep, const Surface
   }
   const auto T_world_surface = poses_.At(surface.t_edges_ns, 0.05);
   if (!T_world_surface) return std::nullopt;
-  // Extrapolated poses would smear the accumulated points for as long as they are kept.
-  if (trackable_) lidar_.Add(sweep, poses_);
+  // Extrapolated poses would smear the accumulated points for as long as they are kept, and where a chapter begins they
+  // say nothing of how the sweeps before lie to it.
+  if (begin_chapter_) {
+    lidar_.Start(sweep, *T_world_surface);
+  } else if (trackable_) {
+    lidar_.Add(sweep, poses_);
+  }
   lidar_depth_ = lidar_.Render(surface.t_edges_ns, *T_world_surface);
   return lidar_depth_;
 }
@@ -309,9 +314,11 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const M
   }
   ++of_depth->depth_used;
   read_share_ = static_cast<double>(readings) / static_cast<double>(depth.depth_m.total());
+  scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
+  // At a guessed pose it would hide points that are in view, and be measured where it is not, once the pose is found.
+  if (!map_.empty() && !trackable_ && !move.found && !begin_chapter_) return false;
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
   T_world_depth_ = T_world_event * last_match_.T_event_depth;
-  scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
   if (options_.mapping.ideas.hide_points) {
     occluder_ = ReferenceMap::Occluder{T_world_event, registration_.nearest_depth().clone(), DepthRegistration::kCell};
   } else {
@@ -320,12 +327,11 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const M
   if (surface->still || (map_.empty() && surface->maybe_noise)) return false;
   if (move.found) return AddAll(*surface, T_world_event);
   if (begin_chapter_) return BeginChapter(*surface, T_world_event);
-  if (!map_.empty() && !trackable_) return false;
 
   if (!options_.mapping.reuse_references) {
     if (!map_.empty() && !MovedSinceReference(T_world_event)) return false;
     const auto previous = map_;
-    map_.Clear();
+    map_.ForgetReferences();
     if (AddAll(*surface, T_world_event)) return true;
     map_ = previous;
     return false;

@@ -442,6 +442,44 @@ TEST(Mapper, BeginsAChapterAtTheGuessedPoseWhenTrackingAsksForItAndReturnsWithIt
   EXPECT_THAT(returned->points, SizeIs(400));
 }
 
+TEST(Mapper, HidesAndMeasuresNothingByADepthImageThatCameWhileTrackingWasLost) {
+  Mapper mapper = WithFirstReference();
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));
+  PoseEstimate lost = PoseAt(200 * kMs, Rigid3::Translation({0.05, 0, 0}));
+  lost.state = TrackingState::kLost;
+  mapper.AddPose(lost);
+  mapper.AddDepth(Wall(200 * kMs, 1));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_used, 2U);
+  mapper.AddSurface(SurfaceAt(210 * kMs, Edges(400, 16)));
+  mapper.AddPose(PoseAt(210 * kMs, Rigid3::Translation({0.1, 0, 0})));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_GT(map->points.size(), 300U);
+  for (const MapPoint& point : map->points) EXPECT_NEAR(point.p_ref.z(), 2, 1e-2);
+}
+
+TEST(Mapper, WithoutReuseStaysInTheChapterThatItBegan) {
+  OdometryOptions options;
+  options.mapping.reuse_references = false;
+  Mapper mapper = WithFirstReference(options);
+  const auto map_at = [&mapper](std::int64_t ms, double x_m, bool lost, int chapter) {
+    PoseEstimate pose = PoseAt(ms * kMs, Rigid3::Translation({x_m, 0, 0}));
+    if (lost) pose.state = TrackingState::kLost;
+    pose.needs_map = lost;
+    pose.chapter = chapter;
+    mapper.AddSurface(SurfaceAt(ms * kMs, Edges(400, 16)));
+    mapper.AddPose(pose);
+    mapper.AddDepth(Wall(ms * kMs));
+    return mapper.Update();
+  };
+  const auto begun = map_at(200, 0.5, true, 0), next = map_at(300, 0.7, false, 1);
+  ASSERT_TRUE(begun && next);
+  EXPECT_EQ(begun->chapter, 1);
+  EXPECT_EQ(next->chapter, 1);
+  EXPECT_EQ(mapper.counters().references, 3U);
+}
+
 TEST(Mapper, ComposesTheLocalMapAnewWhenTheViewHasMovedOn) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));
@@ -624,12 +662,16 @@ LidarSweep WallSweep(std::int64_t end_ns) {
   return sweep;
 }
 
-TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheView) {
+Rig LidarRig() {
   Rig rig = TestRig();
   rig.depth_registered = false;
   rig.depth_from_lidar = true;
   rig.T_event_depth = Rigid3::Rotation(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5).inverse());
-  Mapper mapper(rig, OdometryOptions());
+  return rig;
+}
+
+TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheView) {
+  Mapper mapper(LidarRig(), OdometryOptions());
   for (int k = 0; k <= 10; ++k) mapper.AddSurface(SurfaceAt((100 + 10 * k) * kMs, Edges(600, 16)));
   mapper.AddSweep(WallSweep(210 * kMs));
   EXPECT_FALSE(mapper.Update()) << "the sweep ends after the last surface";
@@ -644,11 +686,7 @@ TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheV
 }
 
 TEST(Mapper, UsesTheNewestSurfaceForASweepOnceThereArePoses) {
-  Rig rig = TestRig();
-  rig.depth_registered = false;
-  rig.depth_from_lidar = true;
-  rig.T_event_depth = Rigid3::Rotation(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5).inverse());
-  Mapper mapper(rig, OdometryOptions());
+  Mapper mapper(LidarRig(), OdometryOptions());
   mapper.AddSurface(SurfaceAt(50 * kMs, Edges(600, 16)));
   mapper.AddSurface(SurfaceAt(110 * kMs, Edges(600, 16)));
   mapper.AddSweep(WallSweep(100 * kMs));
@@ -666,6 +704,28 @@ TEST(Mapper, UsesTheNewestSurfaceForASweepOnceThereArePoses) {
   EXPECT_EQ(map->t_ns, 220 * kMs);
   EXPECT_EQ(mapper.counters().references, 2U);
   EXPECT_NEAR(mapper.GlobalMap().back().p_ref.z(), 2.5, 2e-3);
+}
+
+TEST(Mapper, BeginsAChapterWithTheSweepOfANewViewNotWithThoseBefore) {
+  Mapper mapper(LidarRig(), OdometryOptions());
+  mapper.AddSurface(SurfaceAt(50 * kMs, Edges(600, 16)));
+  mapper.AddSurface(SurfaceAt(110 * kMs, Edges(600, 16)));
+  mapper.AddSweep(WallSweep(100 * kMs));
+  ASSERT_TRUE(mapper.Update());
+  const Rigid3 turned_round = Rigid3::Rotation(ExpSO3({0, M_PI, 0}));
+  for (int k = 12; k <= 22; ++k) {
+    mapper.AddSurface(SurfaceAt(10 * k * kMs, Edges(600, 20)));
+    PoseEstimate lost = PoseAt(10 * k * kMs, turned_round);
+    lost.state = TrackingState::kLost;
+    lost.needs_map = true;
+    mapper.AddPose(lost);
+  }
+  mapper.AddSweep(WallSweep(218 * kMs));
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  EXPECT_EQ(map->chapter, 1);
+  EXPECT_GT(map->points.size(), 300U);
+  for (const MapPoint& point : map->points) EXPECT_NEAR(point.p_ref.z(), 2, 2e-3);
 }
 
 }  // namespace

@@ -118,8 +118,10 @@ class ReferenceMap {
   };
   const std::vector<Reference>& references() const { return references_; }
   bool empty() const { return references_.empty(); }
+  /// Of all chapters, in which it goes on counting.
+  void ForgetReferences() { references_.clear(); }
   void Clear() {
-    references_.clear();
+    ForgetReferences();
     next_id_ = chapter_ = last_chapter_ = 0;
   }
 

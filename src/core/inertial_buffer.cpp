@@ -11,7 +11,9 @@
 namespace devo {
 namespace {
 
-constexpr std::size_t kMaxSamples = 4000;  // 2.5 s of the fastest drivers
+// As a start from rest looks back.
+constexpr std::size_t kMinSamples = 4000;
+constexpr double kLeast_s = 4.5;
 constexpr double kPushSpan_s = 1;
 
 using Vector = Eigen::Matrix<double, 6, 1>;
@@ -28,7 +30,15 @@ void InertialBuffer::Add(const ImuSample& sample) {
   if (!IsReading(sample) || (!samples_.empty() && sample.t_ns <= samples_.back().t_ns)) return;
   samples_.push_back(sample);
   noise_.Add(sample);
-  if (samples_.size() > kMaxSamples) samples_.pop_front();
+  if (samples_.size() > kMinSamples && SecondsFromNs(sample.t_ns - samples_.front().t_ns) > kLeast_s) {
+    samples_.pop_front();
+  }
+}
+
+std::int64_t InertialBuffer::Hold_ns() const {
+  if (samples_.size() < 2) return kMaxHold_ns;
+  const std::int64_t period_ns = samples_.back().t_ns - samples_[samples_.size() - 2].t_ns;
+  return std::clamp(period_ns + period_ns / 4, kMaxHold_ns, kMaxImuGap_ns);
 }
 
 void InertialBuffer::Clear() {
@@ -49,7 +59,7 @@ std::optional<InertialMean> InertialBuffer::Mean(std::int64_t from_ns, std::int6
 
 std::optional<InertialMean> InertialBuffer::MeanRead(std::int64_t from_ns, std::int64_t to_ns) const {
   if (samples_.empty() || to_ns <= from_ns || samples_.front().t_ns > from_ns ||
-      samples_.back().t_ns + kMaxHold_ns < to_ns) {
+      samples_.back().t_ns + Hold_ns() < to_ns) {
     return std::nullopt;
   }
   // From the last sample that is not later than the span's begin.

@@ -64,6 +64,21 @@ TEST(InertialBuffer, HoldsTheLastSampleForAMoment) {
   EXPECT_NEAR(mean->angular_velocity.x(), (5 * 0.0975 + 10 * 0.1) / 15, 1e-9);
 }
 
+TEST(InertialBuffer, HoldsTheLastSampleOfASlowSensorUntilTheNextIsDue) {
+  InertialBuffer buffer;
+  for (int ms = 0; ms <= 100; ms += 20) buffer.Add(At(ms * kMs, {1, 0, 0}));
+  EXPECT_TRUE(buffer.Mean(95 * kMs, 124 * kMs));
+  EXPECT_FALSE(buffer.Mean(95 * kMs, 126 * kMs)) << "it is missing";
+}
+
+TEST(InertialBuffer, ReachesAsFarBackHoweverFastTheSensorIs) {
+  for (const std::int64_t period_us : {500, 5000}) {
+    InertialBuffer buffer;
+    for (std::int64_t t_us = 0; t_us <= 6'000'000; t_us += period_us) buffer.Add(At(1000 * t_us, {1, 0, 0}));
+    EXPECT_TRUE(buffer.Mean(1600 * kMs, 6000 * kMs)) << period_us;
+  }
+}
+
 TEST(InertialBuffer, TurnsThePushOfTheLastSecondIntoTheFrameOfItsEnd) {
   // Two seconds of turning about x by 1 rad/s under gravity: in the end only gravity is left, not its circle.
   const Vector3d turn(1, 0, 0);

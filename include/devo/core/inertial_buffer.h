@@ -28,15 +28,15 @@ struct InertialScatter {
 /// The samples of the last seconds. Not thread-safe.
 class InertialBuffer {
  public:
-  /// The last sample holds for so long.
+  /// The last sample holds for so long, or for a period and a quarter of a sensor that is slower than that.
   static constexpr std::int64_t kMaxHold_ns = 15'000'000;
 
   /// Samples in the order of their time; one that is not newer than the last, or whose angular velocity is not finite,
   /// is left out.
   void Add(const ImuSample& sample);
 
-  /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for kMaxHold_ns (samples come later
-  /// than events). Empty where the samples leave a part of the span open, are too noisy of late to be of use,
+  /// Mean over [from_ns, to_ns], linear between the samples; the last one holds for a moment (samples come later than
+  /// events). Empty where the samples leave a part of the span open, are too noisy of late to be of use,
   /// or are not to be used.
   std::optional<InertialMean> Mean(std::int64_t from_ns, std::int64_t to_ns) const;
 
@@ -64,6 +64,8 @@ class InertialBuffer {
   void Clear();
 
  private:
+  std::int64_t Hold_ns() const;  // how long the last sample holds
+
   std::deque<ImuSample> samples_;
   InertialNoise noise_;
   bool used_ = true;

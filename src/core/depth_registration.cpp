@@ -373,7 +373,7 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
 }
 
 SceneDepth DepthRegistration::MakeSceneDepth(std::int64_t t_ns) const {
-  constexpr int kGrid = 4;  // cells of the grid per side of kCell cells: 16 pixels
+  constexpr int kGrid = SceneDepth::kCell_px / kCell;
   SceneDepth scene;
   scene.t_ns = t_ns;
   std::vector<float> all;

@@ -26,8 +26,7 @@ EventWarp::EventWarp(const Camera& undistorted, const SceneDepth& depth, cv::Mat
     : fx_(All(undistorted.fx())), fy_(All(undistorted.fy())), cx_(All(undistorted.cx())), cy_(All(undistorted.cy())),
       width_(undistorted.width()), height_(undistorted.height()),
       inverse_median_(depth.median_m > 0 ? static_cast<float>(1 / depth.median_m) : 0.0F), grid_(depth.inverse_depth),
-      has_grid_(!grid_.empty()), grid_x_(static_cast<float>(grid_.cols) / static_cast<float>(width_)),
-      grid_y_(static_cast<float>(grid_.rows) / static_cast<float>(height_)), sums_(accumulated->ptr<std::uint16_t>()),
+      has_grid_(!grid_.empty()), sums_(accumulated->ptr<std::uint16_t>()),
       signs_(accumulated_sign->ptr<std::int8_t>()) {
   for (int share = 0; share < kSub * kSub; ++share) shares_[share] = MakeShare(share % kSub, share / kSub);
   SetPose(Rigid3());
@@ -58,8 +57,9 @@ cv::v_float32x4 EventWarp::InverseDepth(const cv::v_float32x4& ray_x, const cv::
   if (!has_grid_) return All(inverse_median_);
   alignas(16) std::array<int, 4> gx, gy;
   alignas(16) std::array<float, 4> inverse_depth;
-  cv::v_store(gx.data(), cv::v_trunc((fx_ * ray_x + cx_) * All(grid_x_)));
-  cv::v_store(gy.data(), cv::v_trunc((fy_ * ray_y + cy_) * All(grid_y_)));
+  constexpr double kCells_per_px = 1.0 / SceneDepth::kCell_px;
+  cv::v_store(gx.data(), cv::v_trunc((fx_ * ray_x + cx_) * All(kCells_per_px)));
+  cv::v_store(gy.data(), cv::v_trunc((fy_ * ray_y + cy_) * All(kCells_per_px)));
   for (int k = 0; k < 4; ++k) {
     const bool inside = gx[k] >= 0 && gy[k] >= 0 && gx[k] < grid_.cols && gy[k] < grid_.rows;
     inverse_depth[k] = inside ? grid_(gy[k], gx[k]) : inverse_median_;

@@ -71,7 +71,6 @@ class EventWarp {
   float inverse_median_;
   const cv::Mat1f& grid_;
   bool has_grid_;
-  float grid_x_, grid_y_;
   std::uint16_t* sums_;
   std::int8_t* signs_;
   std::array<Share, kSub * kSub> shares_;

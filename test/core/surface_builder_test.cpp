@@ -202,7 +202,8 @@ TEST(CompensatedSurface, TakesTheDepthOfEachPlaceFromTheGrid) {
   builder.Insert(events);
   SceneDepth depth;
   depth.median_m = 4;
-  depth.inverse_depth = (cv::Mat1f(1, 2) << 1, 0.5);
+  depth.inverse_depth = cv::Mat1f(8, 10, 0.5F);
+  depth.inverse_depth.colRange(0, 5).setTo(1);
   const auto surface = builder.Render(kT_ns, velocity, depth);
   std::vector<double> near_errors, far_errors;
   for (const EdgePoint& crest : surface->edges) {
@@ -243,7 +244,7 @@ TEST(CompensatedSurface, TakesTheMedianForEveryPlaceWhenTheGridIsSwitchedOff) {
   const MovingEdge edge = EdgeUnder(Twist(2, 0, 0, 0, 0, 0));
   SceneDepth depth;
   depth.median_m = 4;
-  depth.inverse_depth = (cv::Mat1f(1, 2) << 0.5, 0.5);
+  depth.inverse_depth = cv::Mat1f(8, 10, 0.5F);
   SurfaceOptions off = WithoutFilter();
   off.ideas.depth_grid = false;
   for (const SurfaceOptions& options : {WithoutFilter(), off}) {

@@ -63,8 +63,11 @@ using SurfacePtr = std::shared_ptr<const Surface>;
 /// Inverse depth of the scene in the event image, coarse, for compensating translation in surfaces.
 struct SceneDepth {
   std::int64_t t_ns = 0;
-  double median_m = 0;      ///< median over valid pixels, > 0; 0: unknown (only rotation is compensated)
-  cv::Mat1f inverse_depth;  ///< 1/m on a grid spanning the event image; empty when only the median is known
+  double median_m = 0;  ///< median over valid pixels, > 0; 0: unknown (only rotation is compensated)
+  /// 1/m in squares of kCell_px of the event image, the last ones reaching beyond it; empty when only the median is
+  /// known.
+  cv::Mat1f inverse_depth;
+  static constexpr int kCell_px = 16;
 };
 
 }  // namespace devo

@@ -41,9 +41,10 @@ void RefinePoint(const PointSighting& s, const Camera& camera, MapPoint* point, 
   const float gain_across = across_image / variance, gain_depth = depth_image / variance;
   const float nearer = std::clamp(1 + s.distance_px * gain_depth, 1 / kMostNearer, kMostNearer);
   point->p_ref = (point->p_ref - s.distance_px * gain_across * across_ref) / nearer;
-  P.across -= gain_across * across_image;
+  // Rounding must not take them below zero.
+  P.across = std::max(P.across - gain_across * across_image, 0.0F);
   P.across_depth = (P.across_depth - gain_across * depth_image) / nearer;
-  P.depth = (P.depth - gain_depth * depth_image) / (nearer * nearer);
+  P.depth = std::max(P.depth - gain_depth * depth_image, 0.0F) / (nearer * nearer);
 }
 
 }  // namespace devo

@@ -68,6 +68,22 @@ TEST(PointFilter, FindsADepthThatIsMerelyGuessed) {
   }
 }
 
+TEST(PointFilter, HasNoVarianceBelowZeroWhereOneSightingTellsAllOfADepth) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> px_per_m(-3e4F, 3e4F);
+  for (int k = 0; k < 10'000; ++k) {
+    MapPoint point = PointAt({0.1F, 0.2F, 2});
+    PointCovariance covariance = CovarianceOfGuessedPoint();
+    PointSighting s;
+    s.R_event_ref.setIdentity();
+    s.px_per_motion << px_per_m(random), px_per_m(random), px_per_m(random), 0, 0, 0;
+    s.weight = 1;
+    RefinePoint(s, TestCamera(), &point, &covariance);
+    ASSERT_GE(covariance.depth, 0);
+    ASSERT_GE(covariance.across, 0);
+  }
+}
+
 TEST(PointFilter, LeavesTheDepthAloneWhereTheViewIsTheSame) {
   const Eigen::Vector3f truth(0, 0, 2);
   MapPoint point = PointAt({0.002F, 0, 2});

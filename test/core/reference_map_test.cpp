@@ -129,6 +129,16 @@ TEST(ReferenceMap, DropsAPointThatMeetsNoEdgeAndKeepsOneThatDoes) {
   EXPECT_NEAR(map.Project(Rigid3(), nullptr)[0].u, 50, 1e-3);
 }
 
+TEST(ReferenceMap, LetsGoOfReferencesThatLostAllTheirPointsButTheLast) {
+  ReferenceMap map = MapOf({PointAt(50, 40, 2)});
+  const int last = map.Add(0, Rigid3(), {PointAt(100, 40, 2)});
+  for (int k = 0; k < 20; ++k) Observe(&map, SurfaceWith({}), Sideways());
+  EXPECT_THAT(map.AllPoints(), IsEmpty());
+  ASSERT_EQ(map.references().size(), 1U);
+  EXPECT_EQ(map.references()[0].id, last);
+  EXPECT_FALSE(map.empty());
+}
+
 TEST(ReferenceMap, KeepsPointsThatMeetNoEdgeWhenDroppingThemIsSwitchedOff) {
   MappingIdeas ideas;
   ideas.drop_points = false;

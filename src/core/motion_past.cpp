@@ -42,6 +42,10 @@ MotionFilter::Prediction PredictAt(const MotionFilter& motion, std::int64_t t_ns
   return ahead.Predict(t_ns);
 }
 
+void MotionPast::SetOptions(const TrackingOptions& options) {
+  for (Made& made : steps_) made.before.SetOptions(options);
+}
+
 void MotionPast::Note(const MotionFilter& before, const Step& step) {
   steps_.push_back({before, step});
   while (SecondsFromNs(step.t_ns - steps_.front().step.t_ns) > kMaxDepthLatency_s) steps_.pop_front();

@@ -81,6 +81,7 @@ Tracker::Tracker(const Camera& event_camera, const OdometryOptions& options)
 void Tracker::SetOptions(const OdometryOptions& options) {
   options_ = options;
   motion_.SetOptions(options.tracking);
+  past_.SetOptions(options.tracking);
   standstill_.SetRates(options.surface.rate_hz, options.surface.still_activity_hz);
   relocalizer_.SetOptions(options);
   status_.SetRate(options.surface.rate_hz);

@@ -118,6 +118,21 @@ TEST(MotionPast, HasTheFilterOfThen) {
   EXPECT_LT(Log(then.Predict(between_ns).T_world_event.inverse() * between->pose()).norm(), 1e-9);
 }
 
+TEST(MotionPast, GoesOnWithOtherOptions) {
+  Track track;
+  for (int k = 0; k < 4; ++k) track.Measure();
+  const std::int64_t then_ns = track.motion.time_ns() - kPeriod_ns / 2;
+  const auto spread = [&] {
+    const auto then = track.past.At(then_ns, track.motion, track.inertial);
+    return then->Predict(then_ns + 10 * kPeriod_ns).covariance.trace();
+  };
+  const double before = spread();
+  TrackingOptions lively;
+  lively.acceleration_m_s2 *= 10;
+  track.past.SetOptions(lively);
+  EXPECT_GT(spread(), 2 * before);
+}
+
 TEST(MotionPast, KnowsNothingOfTheTimeBeforeItNorAfterNow) {
   Track track;
   for (int k = 0; k < 4; ++k) track.Measure();

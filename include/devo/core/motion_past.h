@@ -30,6 +30,9 @@ class MotionPast {
 
   /// A step that the filter has made from its state `before`. In the order of time, without gaps since the last
   /// Clear(); steps are kept for kMaxDepthLatency_s.
+  /// The filters go on with these.
+  void SetOptions(const TrackingOptions& options);
+
   void Note(const MotionFilter& before, const Step& step);
   void Clear() { steps_.clear(); }
 

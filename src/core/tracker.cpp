@@ -201,6 +201,12 @@ void Tracker::NoteStart() {
   anew_ = true;
 }
 
+void Tracker::BeginEpoch(std::uint64_t epoch) {
+  if (epoch == epoch_) return;
+  Reset();
+  epoch_ = epoch;
+}
+
 void Tracker::Reset() {
   map_.reset();
   motion_.Reset();
@@ -232,10 +238,7 @@ std::optional<Eigen::Vector3d> Tracker::TurnRead(std::int64_t t_ns) const {
 }
 
 std::optional<PoseEstimate> Tracker::Track(const Surface& surface) {
-  if (surface.epoch != epoch_) {
-    Reset();
-    epoch_ = surface.epoch;
-  }
+  BeginEpoch(surface.epoch);
   if (!motion_.started()) {
     rest_.NoteUntil(surface.t_ns, surface.maybe_noise, inertial_);
   }

@@ -185,6 +185,7 @@ bool TrackingNode::Step() {
     }
     epoch_ = surface->epoch;
     const ros::WallTime begin = ros::WallTime::now();
+    tracker_->BeginEpoch(surface->epoch);
     for (const auto& pose : depth_poses) tracker_->AddDepthPose(*pose);
     if (map) TakeMap(map);
     if (imu_) {

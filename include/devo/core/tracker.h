@@ -65,6 +65,8 @@ class Tracker {
   /// there are poses.
   Vector6d SurfaceVelocity() const;
 
+  /// Forgets all of another epoch than this: before what belongs to its first surface.
+  void BeginEpoch(std::uint64_t epoch);
   void Reset();
 
  private:

@@ -27,8 +27,9 @@ namespace {
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 // Events of noise that are expected since the last surface: fewer tell nothing. This share of them are enough.
 constexpr double kLeastNoise = 100, kNoiseShare = 0.1;
-constexpr std::size_t kFilterBatch = 1024;  // events filtered and then looked up, still in the first cache
-constexpr std::size_t kSightings = 12000;   // a sample of the events tells how the image moves
+constexpr std::int64_t kNoiseSpan_ns = 10'000'000;  // too little noise comes within less
+constexpr std::size_t kFilterBatch = 1024;          // events filtered and then looked up, still in the first cache
+constexpr std::size_t kSightings = 12000;           // a sample of the events tells how the image moves
 // Where events are so many that a surface spans a few milliseconds, the image hardly moves meanwhile: then so many of
 // each surface before tell, too, as far back as this.
 constexpr std::size_t kSightingsBefore = 2000;
@@ -308,7 +309,9 @@ void SurfaceBuilder::Impl::NoteProgress(std::int64_t t_ns) {
 
 bool SurfaceBuilder::Impl::NoiseGoesOn() const {
   if (!compensated || progress.size() < 2) return false;
-  const Progress &last = progress[progress.size() - 2], &now = progress.back();
+  const Progress& now = progress.back();
+  const Progress& last = *std::find_if(progress.rbegin() + 1, progress.rend() - 1,
+                                       [&now](const Progress& then) { return now.t_ns - then.t_ns >= kNoiseSpan_ns; });
   const double expected = filter.noise_hz() * camera.width() * camera.height() * SecondsFromNs(now.t_ns - last.t_ns);
   return expected >= kLeastNoise && static_cast<double>(now.in - last.in) >= kNoiseShare * expected;
 }

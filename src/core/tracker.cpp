@@ -60,6 +60,8 @@ constexpr double kSeenSpeed_m_s = 1;
 constexpr double kBlurredAlike = 0.2;
 // Events of so long make a surface, about.
 constexpr double kTurnSpan_s = 0.02;
+// Of surfaces that come more often than this, not all wait for a map: it is to be met within a moment.
+constexpr std::int64_t kWaitingStep_ns = 9'000'000;
 
 /// An alignment counts in pixels per point: the root of the filter's information is brought to that scale, and back.
 double ScaleOf(const ErrorsAlike& alike) { return kEdgeSigma_px * std::sqrt(alike.own); }
@@ -395,9 +397,9 @@ std::optional<PoseEstimate> Tracker::Track(const SurfacePtr& surface) {
   auto pose = Track(*surface);
   if (pose && pose->earlier.empty()) pose->earlier = std::move(earlier);
   if (!pose || pose->state == TrackingState::kLost) {
-    waiting_.push_back(surface);
-    const int most = CountIn(kMaxDepthLatency_s, options_.surface.rate_hz);
-    if (static_cast<int>(waiting_.size()) > most) waiting_.pop_front();
+    const bool often = !waiting_.empty() && surface->t_ns - waiting_.back()->t_ns < kWaitingStep_ns;
+    if (!often) waiting_.push_back(surface);
+    while (SecondsFromNs(surface->t_ns - waiting_.front()->t_ns) >= kMaxDepthLatency_s) waiting_.pop_front();
   } else {
     waiting_.clear();
   }

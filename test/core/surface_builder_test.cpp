@@ -408,23 +408,33 @@ TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfThe
 }
 
 TEST(CompensatedSurface, SaysThatNoEventsAreMissingAsLongAsNoiseGoesOn) {
-  SurfaceBuilder builder(TestCamera(), SurfaceOptions());
-  std::mt19937 random(3);
-  const auto after = [&](int k, int events_per_surface) {
-    std::vector<Event> events;
-    for (int i = 0; i < events_per_surface; ++i) {
-      events.push_back(At((k - 1) * 10'000'000LL + i * (10'000'000LL / events_per_surface),
-                          static_cast<int>(random() % kWidth), static_cast<int>(random() % kHeight)));
-    }
-    builder.Insert(events);
-    return builder.Render(k * 10'000'000, Vector6d::Zero(), {});
-  };
-  SurfacePtr surface;
-  for (int k = 1; k <= 60; ++k) surface = after(k, 400);  // 2 Hz per pixel
-  EXPECT_TRUE(surface->still);
-  EXPECT_TRUE(surface->noise_goes_on);
-  EXPECT_FALSE(after(61, 1)->noise_goes_on);
-  EXPECT_TRUE(after(62, 400)->noise_goes_on);
+  for (const int per_10ms : {1, 10}) {
+    SurfaceOptions options;
+    options.rate_hz = 100 * per_10ms;
+    SurfaceBuilder builder(TestCamera(), options);
+    std::mt19937 random(3);
+    const auto after = [&](int k, int events_per_10ms) {
+      SurfacePtr surface;
+      for (int part = 0; part < per_10ms; ++part) {
+        const std::int64_t period_ns = 10'000'000LL / per_10ms, begin_ns = (k - 1) * 10'000'000LL + part * period_ns;
+        const int count = std::max(1, events_per_10ms / per_10ms);
+        std::vector<Event> events;
+        for (int i = 0; i < count; ++i) {
+          events.push_back(At(begin_ns + i * (period_ns / count), static_cast<int>(random() % kWidth),
+                              static_cast<int>(random() % kHeight)));
+        }
+        builder.Insert(events);
+        surface = builder.Render(begin_ns + period_ns, Vector6d::Zero(), {});
+      }
+      return surface;
+    };
+    SurfacePtr surface;
+    for (int k = 1; k <= 60; ++k) surface = after(k, 400);  // 2 Hz per pixel
+    EXPECT_TRUE(surface->still);
+    EXPECT_TRUE(surface->noise_goes_on) << options.rate_hz;
+    EXPECT_FALSE(after(61, 1)->noise_goes_on) << options.rate_hz;
+    EXPECT_TRUE(after(62, 400)->noise_goes_on) << options.rate_hz;
+  }
 }
 
 TEST(CompensatedSurface, TellsTheTurnOfItsEventsUnlessAnInertialSensorLeads) {

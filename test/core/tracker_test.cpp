@@ -278,6 +278,30 @@ void AddReadings(const Reader& read, std::int64_t t_ns, Tracker* tracker) {
   for (int i = -4; i <= 0; ++i) tracker->AddImu(read(t_ns + i * kPeriod_ns / 5));
 }
 
+TEST(Tracker, KeepsWhatWasReadBeforeTheFirstSurfaceOfAnEpochThatItWasToldOf) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  AddReadings(Read, 100 * kPeriod_ns, &tracker);  // a bag that is played again: the times before come anew
+  tracker.BeginEpoch(1);
+  for (int k = 1; k <= 4; ++k) AddReadings(Read, k * kPeriod_ns, &tracker);
+  Surface surface = Seen(4 * kPeriod_ns, TrueAt(4 * kPeriod_ns));
+  surface.epoch = 1;
+  EXPECT_FALSE(tracker.Track(surface));
+  EXPECT_TRUE(tracker.TurnRead(4 * kPeriod_ns));
+}
+
+TEST(Tracker, KeepsAsManySurfacesForAFirstMapAtAHighRate) {
+  Tracker tracker(TestCamera(), OdometryOptions());
+  std::vector<std::weak_ptr<const Surface>> seen;
+  for (int k = 1; k <= 1000; ++k) {
+    const SurfacePtr surface = std::make_shared<Surface>(Seen(k * kPeriod_ns / 10, Rigid3()));
+    EXPECT_FALSE(tracker.Track(surface));
+    seen.push_back(surface);
+  }
+  const auto kept = std::count_if(seen.begin(), seen.end(), [](const auto& surface) { return !surface.expired(); });
+  EXPECT_GE(kept, 25);
+  EXPECT_LE(kept, 35);
+}
+
 TEST(Tracker, TellsTheTurnThatAGyroscopeReadsBeforeThereIsAMap) {
   Tracker tracker(TestCamera(), OdometryOptions());
   EXPECT_FALSE(tracker.TurnRead(4 * kPeriod_ns));

@@ -27,13 +27,15 @@ RigResolver::RigResolver(const ros::NodeHandle& nh, const RigConfig& config, Nee
   event_.frame = config_.frames.event;
   event_.topic =
       InputTopic(nh_, "camera_info",
-                 topics.event_camera_info.empty() ? SiblingCameraInfo(topics.events) : topics.event_camera_info);
+                 topics.event_camera_info.empty() ? SiblingCameraInfo(InputTopic(nh_, "events", topics.events))
+                                                  : topics.event_camera_info);
   depth_.name = "depth_camera";
   depth_.camera = config_.depth_camera;
   depth_.frame = config_.frames.depth;
   depth_.topic =
       InputTopic(nh_, "depth/camera_info",
-                 topics.depth_camera_info.empty() ? SiblingCameraInfo(topics.depth) : topics.depth_camera_info);
+                 topics.depth_camera_info.empty() ? SiblingCameraInfo(InputTopic(nh_, "depth/image_raw", topics.depth))
+                                                  : topics.depth_camera_info);
 }
 
 void RigResolver::Start() {

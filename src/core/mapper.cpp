@@ -417,9 +417,12 @@ bool Mapper::GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_eve
 bool Mapper::BeginChapter(const Surface& surface, const Rigid3& T_world_event) {
   const int left = map_.chapter();
   map_.BeginChapter();
-  if (AddAll(surface, T_world_event)) return true;
-  map_.ReturnTo(left);
-  return false;
+  if (!AddAll(surface, T_world_event)) {
+    map_.ReturnTo(left);
+    return false;
+  }
+  begin_chapter_ = false;  // more depth may wait
+  return true;
 }
 
 bool Mapper::MovedSinceReference(const Rigid3& T_world_event) const {

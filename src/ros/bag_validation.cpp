@@ -218,10 +218,15 @@ class Validator {
     std::int64_t last_ns = 0;
     ForEachMessage(topic, [&](const BagTopic& t, const ByteSpan& bytes) {
       events.clear();
-      if (Is<EventPacket>(t)) {
-        packets.Append(Deserialise<EventPacket>(bytes), &events);
-      } else {
-        AppendSerializedEvents(bytes.data, bytes.size, &events);
+      try {
+        if (Is<EventPacket>(t)) {
+          packets.Append(Deserialise<EventPacket>(bytes), &events);
+        } else {
+          AppendSerializedEvents(bytes.data, bytes.size, &events);
+        }
+      } catch (const std::exception& e) {
+        Problem("topic '" + topic + "' (key 'topics.events'): " + e.what());
+        return false;
       }
       if (events.empty()) return true;
       const std::int64_t stamp_ns = FromRosTime(Deserialise<std_msgs::Header>(bytes).stamp);

@@ -191,6 +191,14 @@ TEST_F(DevoOffline, NamesTheFolderForResultsThatCannotBeMade) {
   ExpectRefused(Run(), AllOf(HasSubstr(folder_ + "/out"), HasSubstr("expected a folder that can be written")));
 }
 
+TEST_F(DevoOffline, NamesTheFolderForResultsInWhichNothingCanBeWrittenBeforeItBegins) {
+  TinyRecording().Write(Bag());
+  const ProgramResult result =
+      RunProgram("devo_offline", "--config " + folder_ + "/rig.yaml --bag " + Bag() + " --out /proc/self");
+  ExpectRefused(result, AllOf(HasSubstr("'/proc/self'"), HasSubstr("cannot be written")));
+  EXPECT_THAT(result.err, Not(HasSubstr("of the events")));
+}
+
 TEST_F(DevoOffline, RefusesABagThatIsGivenTwice) {
   TinyRecording().Write(Bag());
   ExpectRefused(Run("--bag " + folder_ + "/./a.bag"), HasSubstr("/./a.bag': given twice"));

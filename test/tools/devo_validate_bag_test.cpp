@@ -137,6 +137,17 @@ TEST_F(DevoValidateBag, SaysThatTheCalibrationIsAnotherCameras) {
   EXPECT_THAT(Run(config_).out, HasSubstr("outside the event camera's 100x180"));
 }
 
+TEST_F(DevoValidateBag, SaysWhatIsWrongWithEventsThatCannotBeReadAndGoesOn) {
+  TinyRecording().Write(bag_);
+  EventPacket packet;
+  packet.encoding = "mono";
+  packet.events = {1, 2};
+  rosbag::Bag(bag_, rosbag::bagmode::Append).write("/packets", ros::Time(100), packet);
+  const ProgramResult result = Run(config_ + " topics.events=/packets");
+  EXPECT_EQ(result.status, 1) << result.out << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("PROBLEM"), HasSubstr("'mono'"), HasSubstr("20 images 240x180 16UC1")));
+}
+
 TEST_F(DevoValidateBag, RefusesWhatIsNoBag) {
   const ProgramResult missing = Run();
   EXPECT_EQ(missing.status, 2);

@@ -28,6 +28,13 @@ bool MovesClearly(const MotionFilter::Prediction& now, double least_square) {
   return NormalisedSquare(now.velocity_event, now.velocity_covariance) > least_square;
 }
 
+/// By more than a gyroscope errs.
+bool TurnsClearly(const MotionFilter::Prediction& now) {
+  const Eigen::Vector3d turn = now.velocity_event.tail<3>();
+  const Eigen::Matrix3d covariance = now.velocity_covariance.bottomRightCorner<3, 3>();
+  return turn.dot(covariance.ldlt().solve(turn)) > kInertialClearlyMoving;
+}
+
 /// Not about to stand, as far as is known.
 bool MayMove(const MotionFilter::Prediction& now) {
   return !IsBelow(now.velocity_event, kStopping_m_s) || MovesClearly(now, kClearlyMoving);
@@ -38,10 +45,7 @@ bool TurnsUnseen(std::int64_t t_ns, const TrackedMotion& known) {
   // Of where it is meanwhile, depth says enough.
   if (!known.depth.AgreedInPartWithin(kMaxCoast_s, t_ns)) return false;
   if (t_ns <= known.filter.time_ns() || !ReadSince(known.filter, t_ns, known.inertial)) return false;
-  const auto now = PredictAt(known.filter, t_ns, known.inertial);
-  const Eigen::Vector3d turn = now.velocity_event.tail<3>();
-  const Eigen::Matrix3d covariance = now.velocity_covariance.bottomRightCorner<3, 3>();
-  return turn.dot(covariance.ldlt().solve(turn)) > kInertialClearlyMoving;
+  return TurnsClearly(PredictAt(known.filter, t_ns, known.inertial));
 }
 
 }  // namespace
@@ -96,7 +100,8 @@ bool Standstill::IsMoving(const Surface& surface, double unseen_s, const Tracked
   const double flow_px_s = known.Flow(now.velocity_event);
   activity_.NoteUnseen(flow_px_s, SecondsFromNs(t_ns - filter.time_ns()));
   const bool led = ReadSince(filter, t_ns, known.inertial).has_value();
-  if (activity_.RulesOutMotion() && !(led && filter.knows_acceleration())) return false;
+  // Of a wall without edges that fills the view, the map's guessed ones say that it should show.
+  if (activity_.RulesOutMotion() && !(led && (filter.knows_acceleration() || TurnsClearly(now)))) return false;
   const bool unseen_long = unseen_s > kMaxUnseen_s;
   // With a translation that a turn makes up for in the image, hardly a pixel sees a camera move; when it stops, an
   // inertial sensor has seen it slow down. Where noise shows that no events are missing, it must be sure of that.

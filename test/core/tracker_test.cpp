@@ -1109,6 +1109,27 @@ TEST(Tracker, IsNotHeldWhileAGyroscopeSeesItTurnAndDepthAgreesBeItInPart) {
   EXPECT_GT(turn_error(false), 0.1) << "where it is meanwhile nothing would tell: it is held";
 }
 
+TEST(Tracker, IsNotHeldBeforeAWallWithoutEdgesWhileAGyroscopeSeesItTurn) {
+  const auto turn_alone = [](std::int64_t t_ns) {
+    ImuSample sample = Read(t_ns);
+    sample.linear_acceleration.setConstant(std::nan(""));
+    return sample;
+  };
+  Tracker tracker(TestCamera(), OdometryOptions());
+  tracker.SetMap(Map());
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 150; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    AddReadings(turn_alone, t_ns, &tracker);
+    // The map, with edges that are not there, says that the motion would show.
+    Surface surface = k <= 100 ? Seen(t_ns, TrueAt(t_ns)) : Still(t_ns, 0.1);
+    surface.activity_hz = k <= 100 ? std::max(0.2, std::min(5.0, 0.3 * (100 - k))) : 0.1;
+    pose = tracker.Track(surface);
+  }
+  EXPECT_LT(RotationAngle(pose->T_world_event.inverse() * TrueAt(pose->t_ns)), 0.02);
+  EXPECT_FALSE(pose->inertial_fit.left_out) << "nor is the sensor taken to be wrong";
+}
+
 TEST(Tracker, LeavesAnInertialSensorsPoseInAGapOfTheEventsOnlyForManyDepthImages) {
   Tracker tracker(TestCamera(), OdometryOptions());
   tracker.SetMap(Map());

@@ -25,9 +25,9 @@ namespace devo {
 namespace {
 
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
-// Events of noise that are expected since the last surface: fewer tell nothing. This share of them are enough.
+// Events of noise that are expected in a moment: fewer tell nothing. This share of them are enough.
 constexpr double kLeastNoise = 100, kNoiseShare = 0.1;
-constexpr std::int64_t kNoiseSpan_ns = 10'000'000;  // too little noise comes within less
+constexpr std::int64_t kNoiseSpan_ns = 10'000'000;  // the moment: too little comes within less
 constexpr std::size_t kFilterBatch = 1024;          // events filtered and then looked up, still in the first cache
 constexpr std::size_t kSightings = 12000;           // a sample of the events tells how the image moves
 // Where events are so many that a surface spans a few milliseconds, the image hardly moves meanwhile: then so many of

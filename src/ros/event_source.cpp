@@ -6,10 +6,10 @@
 
 #include <ros/console.h>
 #include <ros/exception.h>
-#include <ros/master.h>
 #include <ros/message_traits.h>
 
 #include "devo/ros/event_message_types.h"
+#include "devo/ros/health.h"
 
 namespace devo {
 namespace {
@@ -77,9 +77,8 @@ const std::vector<EventMessageType>& KnownTypes() {
 /// In which type to subscribe a topic; null when the master does not know the topic yet.
 const EventMessageType* TypeFor(const std::string& topic) {
   const std::vector<EventMessageType>& types = KnownTypes();
-  ros::master::V_TopicInfo known;
-  ros::master::getTopics(known);
-  for (const ros::master::TopicInfo& info : known) {
+  const auto known = AskForTopics();
+  for (const ros::master::TopicInfo& info : *known) {
     if (info.name != topic) continue;
     for (const EventMessageType& type : types) {
       if (type.name == info.datatype) return &type;

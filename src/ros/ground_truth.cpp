@@ -4,10 +4,10 @@
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
-#include <ros/master.h>
 
 #include "devo/core/time.h"
 #include "devo/ros/conversions.h"
+#include "devo/ros/health.h"
 #include "devo/ros/topics.h"
 
 namespace devo {
@@ -30,9 +30,8 @@ GroundTruth::GroundTruth(const ros::NodeHandle& nh, const std::string& topic, co
 }
 
 void GroundTruth::CheckType() {
-  ros::master::V_TopicInfo known;
-  ros::master::getTopics(known);
-  for (const ros::master::TopicInfo& info : known) {
+  const auto known = AskForTopics();
+  for (const ros::master::TopicInfo& info : *known) {
     if (info.name != topic_) continue;
     timer_.stop();
     if (info.datatype == "nav_msgs/Odometry") return SubscribeTo<nav_msgs::Odometry>();

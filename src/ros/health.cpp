@@ -57,6 +57,21 @@ void Input::ArrivedEmpty() {
   last_empty_ = ros::WallTime::now();
 }
 
+std::shared_ptr<const KnownTopics> AskForTopics() {
+  constexpr double kMoment_s = 0.4;
+  static std::mutex mutex;
+  static std::shared_ptr<const KnownTopics> last;
+  static ros::WallTime asked;
+  const std::lock_guard<std::mutex> lock(mutex);
+  const double age_s = (ros::WallTime::now() - asked).toSec();
+  if (last && age_s >= 0 && age_s < kMoment_s) return last;
+  auto known = std::make_shared<KnownTopics>();
+  ros::master::getTopics(*known);
+  asked = ros::WallTime::now();
+  last = std::move(known);
+  return last;
+}
+
 bool Input::IsSilent() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (last_arrival_.isZero()) return true;
@@ -135,8 +150,8 @@ std::vector<std::string> Health::MissingSentences() {
   if (complete) return {};
   if (ticks_missing_ > 2 * kTicksUntilWarning && ticks_missing_ % kTicksBetweenQuestions != 0) return sentences_;
 
-  KnownTopics known;
-  ros::master::getTopics(known);
+  const auto topics = AskForTopics();
+  const KnownTopics& known = *topics;
   std::vector<std::string> sentences;
   for (const auto& input : inputs_) {
     const std::string sentence = input->MissingSentence(known);

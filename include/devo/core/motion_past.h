@@ -28,11 +28,11 @@ class MotionPast {
     std::optional<MotionFilter::Likelihood> measured = {};  ///< at its end
   };
 
-  /// A step that the filter has made from its state `before`. In the order of time, without gaps since the last
-  /// Clear(); steps are kept for kMaxDepthLatency_s.
   /// The filters go on with these.
   void SetOptions(const TrackingOptions& options);
 
+  /// A step that the filter has made from its state `before`. In the order of time, without gaps since the last
+  /// Clear(); steps are kept for kMaxDepthLatency_s.
   void Note(const MotionFilter& before, const Step& step);
   void Clear() { steps_.clear(); }
 

@@ -73,7 +73,8 @@ void VisitRig(Config& c, Visitor&& visit) {
   visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR: where given, it takes the place of depth images");
   visit("topics.imu", c.topics.imu, "Imu, optional");
   visit("topics.ground_truth", c.topics.ground_truth, "PoseStamped, Odometry or TransformStamped, for evaluation only");
-  visit("frames.event", c.frames.event, "event camera's optical frame; empty: its CameraInfo's (devo_offline: or its events')");
+  visit("frames.event", c.frames.event,
+        "event camera's optical frame; empty: its CameraInfo's (devo_offline: or its events')");
   visit("frames.depth", c.frames.depth,
         "optical frame of the depth camera, or the LiDAR's; empty: as its messages say");
   visit("calibration.format", c.calibration.format, "|vector|mvsec",

@@ -18,8 +18,12 @@
 
 namespace devo {
 
-/// Topics and types that the master knows, asked once for all sentences of one report.
+/// Topics and types that the master knows.
 using KnownTopics = ros::master::V_TopicInfo;
+
+/// Asked once in a moment for all nodelets of the process: reading the answer, which names all topics of a robot, is
+/// most of what they cost while they wait. Empty while there is no master.
+std::shared_ptr<const KnownTopics> AskForTopics();
 
 /// What the master says about a topic, as the end of a sentence: "nobody publishes it; EventArray topics that exist:
 /// /dvs/events" or "it is advertised but nothing comes". `type`: name without package, such as "EventArray", or several

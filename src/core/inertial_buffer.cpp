@@ -11,9 +11,7 @@
 namespace devo {
 namespace {
 
-// As a start from rest looks back.
-constexpr std::size_t kMinSamples = 4000;
-constexpr double kLeast_s = 4.5;
+constexpr double kKept_s = 4.5;  // as far as a start from rest looks back
 constexpr double kPushSpan_s = 1;
 
 using Vector = Eigen::Matrix<double, 6, 1>;
@@ -30,15 +28,13 @@ void InertialBuffer::Add(const ImuSample& sample) {
   if (!IsReading(sample) || (!samples_.empty() && sample.t_ns <= samples_.back().t_ns)) return;
   samples_.push_back(sample);
   noise_.Add(sample);
-  if (samples_.size() > kMinSamples && SecondsFromNs(sample.t_ns - samples_.front().t_ns) > kLeast_s) {
-    samples_.pop_front();
-  }
+  while (SecondsFromNs(sample.t_ns - samples_.front().t_ns) > kKept_s) samples_.pop_front();
 }
 
 std::int64_t InertialBuffer::Hold_ns() const {
-  if (samples_.size() < 2) return kMaxHold_ns;
+  if (samples_.size() < 2) return kLeastHold_ns;
   const std::int64_t period_ns = samples_.back().t_ns - samples_[samples_.size() - 2].t_ns;
-  return std::clamp(period_ns + period_ns / 4, kMaxHold_ns, kMaxImuGap_ns);
+  return std::clamp(period_ns + period_ns / 4, kLeastHold_ns, kMaxImuGap_ns);
 }
 
 void InertialBuffer::Clear() {

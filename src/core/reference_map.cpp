@@ -303,13 +303,13 @@ void ReferenceMap::DropUnproven() {
   for (Reference& reference : references_) {
     if (reference.guessed || reference.last_seen > dropped_at_) Prune(&reference);
   }
+  dropped_at_ = calls_;
   if (references_.empty()) return;
   // A map that lost all its points is one, though: the last reference stays.
   const auto is_empty = [last = references_.back().id](const Reference& reference) {
     return reference.points.empty() && (reference.guessed || reference.id != last);
   };
   references_.erase(std::remove_if(references_.begin(), references_.end(), is_empty), references_.end());
-  dropped_at_ = calls_;
 }
 
 void ReferenceMap::Prune(Reference* reference) {

@@ -45,16 +45,13 @@ StampedPose PoseFrom(const std::string& md5, const ByteSpan& bytes) {
 
 enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
 
-// The nodelets begin anew after such a gap (reset_after_gap_s).
-constexpr double kMostGap_s = 10;
-
 /// As the nodelets do, where one event lies far from the others; the order within a message is left as it is.
 std::size_t DropStray(std::vector<Event>* events) {
   const auto earlier = [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; };
   const auto ends = std::minmax_element(events->begin(), events->end(), earlier);
-  if (events->empty() || SecondsFromNs(ends.second->t_ns - ends.first->t_ns) <= kMostGap_s) return 0;
+  if (events->empty() || SecondsFromNs(ends.second->t_ns - ends.first->t_ns) <= kRecordingGap_s) return 0;
   std::stable_sort(events->begin(), events->end(), earlier);
-  return DropStrayEvents(kMostGap_s, events);
+  return DropStrayEvents(kRecordingGap_s, events);
 }
 
 void CountUnordered(Role role, LeftOut* left_out) {
@@ -370,7 +367,7 @@ void BagReader::FillAhead(Stream* stream) {
 
 void BagReader::DropStrayBeginning(Stream* stream) {
   std::deque<Stream::Ahead>& ahead = stream->ahead;
-  while (ahead.size() > 1 && SecondsFromNs(ahead[1].t_ns - ahead[0].t_ns) > kMostGap_s) {
+  while (ahead.size() > 1 && SecondsFromNs(ahead[1].t_ns - ahead[0].t_ns) > kRecordingGap_s) {
     left_out_.events_stray += std::get<EventSlice>(ahead[0].item).events.size;
     ahead.pop_front();
   }

@@ -9,7 +9,7 @@
 #include <ros/message_traits.h>
 
 #include "devo/ros/event_message_types.h"
-#include "devo/ros/health.h"
+#include "devo/ros/known_topics.h"
 
 namespace devo {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "devo/core/time.h"
 #include "devo/ros/conversions.h"
-#include "devo/ros/health.h"
+#include "devo/ros/known_topics.h"
 #include "devo/ros/topics.h"
 
 namespace devo {

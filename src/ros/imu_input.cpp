@@ -84,7 +84,7 @@ void ImuInput::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   status.add("IMU samples that are no reading", no_reading_);
   status.add("IMU samples that waited too long", overflowed_);
   status.addf("IMU samples behind the surfaces p50 (ms)", "%.1f", behind_ms_.At(0.5));
-  const double kUsable_ms = 1e3 * SecondsFromNs(InertialBuffer::kMaxHold_ns);
+  const double kUsable_ms = 1e3 * SecondsFromNs(InertialBuffer::kLeastHold_ns);
   if (behind_ms_.At(0.5) > kUsable_ms) {
     status.mergeSummaryf(
         diagnostic_msgs::DiagnosticStatus::WARN,

@@ -37,7 +37,7 @@ constexpr std::int64_t kTickTolerance = 100;
 TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
     : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)),
       max_backlog_s_(ReadDouble(private_nh, "max_backlog_s", 0.15, 0.01, 10)),
-      reset_after_gap_s_(ReadDouble(private_nh, "reset_after_gap_s", 10, 0.5, 1e6)),
+      reset_after_gap_s_(ReadDouble(private_nh, "reset_after_gap_s", kRecordingGap_s, 0.5, 1e6)),
       max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 2000, 10, 1000000))),
       period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), health_(nh, private_nh), image_transport_(nh) {
   const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
@@ -290,9 +290,10 @@ void TimeSurfaceNode::ReturnMemory() {
 }
 
 void TimeSurfaceNode::CountAs(std::size_t events, Batch* batch) {
-  decoded_events_ += events - batch->queued_as;
+  const std::size_t before = std::exchange(batch->queued_as, events);
+  decoded_events_ = decoded_events_ - before + events;
   const std::lock_guard<std::mutex> lock(mutex_);
-  queued_events_ += events - std::exchange(batch->queued_as, events);
+  queued_events_ = queued_events_ - before + events;
 }
 
 void TimeSurfaceNode::Finish(Batch batch) {

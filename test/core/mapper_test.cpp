@@ -62,6 +62,13 @@ PoseEstimate PoseAt(std::int64_t t_ns, const Rigid3& T_world_event = Rigid3()) {
   return pose;
 }
 
+PoseEstimate LostAt(std::int64_t t_ns, const Rigid3& T_world_event = Rigid3(), bool needs_map = false) {
+  PoseEstimate pose = PoseAt(t_ns, T_world_event);
+  pose.state = TrackingState::kLost;
+  pose.needs_map = needs_map;
+  return pose;
+}
+
 constexpr std::int64_t kMs = 1'000'000;
 
 /// A mapper with its first reference: 400 edges in columns 16 to 72, at the time 100 ms and the identity.
@@ -409,9 +416,7 @@ TEST(Mapper, IsNotHeldUpByADepthImageThatIsStampedFarAhead) {
 TEST(Mapper, AddsNothingWhileTrackingIsLost) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(300, 100)));
-  PoseEstimate lost = PoseAt(200 * kMs);
-  lost.state = TrackingState::kLost;
-  mapper.AddPose(lost);
+  mapper.AddPose(LostAt(200 * kMs));
   mapper.AddDepth(Wall(200 * kMs));
   EXPECT_FALSE(mapper.Update());
   EXPECT_EQ(mapper.counters().references, 1U);
@@ -421,10 +426,7 @@ TEST(Mapper, BeginsAChapterAtTheGuessedPoseWhenTrackingAsksForItAndReturnsWithIt
   Mapper mapper = WithFirstReference();
   const Rigid3 guess = Rigid3::Translation({0.5, 0, 0});
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 80)));
-  PoseEstimate lost = PoseAt(200 * kMs, guess);
-  lost.state = TrackingState::kLost;
-  lost.needs_map = true;
-  mapper.AddPose(lost);
+  mapper.AddPose(LostAt(200 * kMs, guess, true));
   mapper.AddDepth(Wall(200 * kMs));
   const auto begun = mapper.Update();
   ASSERT_TRUE(begun);
@@ -445,9 +447,7 @@ TEST(Mapper, BeginsAChapterAtTheGuessedPoseWhenTrackingAsksForItAndReturnsWithIt
 TEST(Mapper, HidesAndMeasuresNothingByADepthImageThatCameWhileTrackingWasLost) {
   Mapper mapper = WithFirstReference();
   mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));
-  PoseEstimate lost = PoseAt(200 * kMs, Rigid3::Translation({0.05, 0, 0}));
-  lost.state = TrackingState::kLost;
-  mapper.AddPose(lost);
+  mapper.AddPose(LostAt(200 * kMs, Rigid3::Translation({0.05, 0, 0})));
   mapper.AddDepth(Wall(200 * kMs, 1));
   EXPECT_FALSE(mapper.Update());
   EXPECT_EQ(mapper.counters().depth_used, 2U);
@@ -463,17 +463,15 @@ TEST(Mapper, WithoutReuseStaysInTheChapterThatItBegan) {
   OdometryOptions options;
   options.mapping.reuse_references = false;
   Mapper mapper = WithFirstReference(options);
-  const auto map_at = [&mapper](std::int64_t ms, double x_m, bool lost, int chapter) {
-    PoseEstimate pose = PoseAt(ms * kMs, Rigid3::Translation({x_m, 0, 0}));
-    if (lost) pose.state = TrackingState::kLost;
-    pose.needs_map = lost;
-    pose.chapter = chapter;
-    mapper.AddSurface(SurfaceAt(ms * kMs, Edges(400, 16)));
+  const auto map_at = [&mapper](const PoseEstimate& pose) {
+    mapper.AddSurface(SurfaceAt(pose.t_ns, Edges(400, 16)));
     mapper.AddPose(pose);
-    mapper.AddDepth(Wall(ms * kMs));
+    mapper.AddDepth(Wall(pose.t_ns));
     return mapper.Update();
   };
-  const auto begun = map_at(200, 0.5, true, 0), next = map_at(300, 0.7, false, 1);
+  PoseEstimate in_it = PoseAt(300 * kMs, Rigid3::Translation({0.7, 0, 0}));
+  in_it.chapter = 1;
+  const auto begun = map_at(LostAt(200 * kMs, Rigid3::Translation({0.5, 0, 0}), true)), next = map_at(in_it);
   ASSERT_TRUE(begun && next);
   EXPECT_EQ(begun->chapter, 1);
   EXPECT_EQ(next->chapter, 1);
@@ -587,8 +585,7 @@ TEST(Mapper, GoesOnWhereDepthFindsACameraThatIsLost) {
   };
   for (int k = 1; k <= 3; ++k) add(k, Rigid3(), PoseAt(100 * k * kMs));
   const Rigid3 truth = Rigid3::Translation({0.05, 0.02, -0.05});
-  PoseEstimate lost = PoseAt(1000 * kMs, truth * Rigid3::Translation({0.4, 0, 0.2}));
-  lost.state = TrackingState::kLost;
+  PoseEstimate lost = LostAt(1000 * kMs, truth * Rigid3::Translation({0.4, 0, 0.2}));
   lost.velocity_of_poses = false;
   lost.covariance_event = std::pow(0.2, 2) * Matrix6d::Identity();
   const auto map = add(10, truth, lost);
@@ -670,6 +667,16 @@ Rig LidarRig() {
   return rig;
 }
 
+/// A mapper with its first reference, of the wall, at the identity.
+Mapper WithFirstSweep() {
+  Mapper mapper(LidarRig(), OdometryOptions());
+  mapper.AddSurface(SurfaceAt(50 * kMs, Edges(600, 16)));
+  mapper.AddSurface(SurfaceAt(110 * kMs, Edges(600, 16)));
+  mapper.AddSweep(WallSweep(100 * kMs));
+  EXPECT_TRUE(mapper.Update());
+  return mapper;
+}
+
 TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheView) {
   Mapper mapper(LidarRig(), OdometryOptions());
   for (int k = 0; k <= 10; ++k) mapper.AddSurface(SurfaceAt((100 + 10 * k) * kMs, Edges(600, 16)));
@@ -686,11 +693,7 @@ TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheV
 }
 
 TEST(Mapper, UsesTheNewestSurfaceForASweepOnceThereArePoses) {
-  Mapper mapper(LidarRig(), OdometryOptions());
-  mapper.AddSurface(SurfaceAt(50 * kMs, Edges(600, 16)));
-  mapper.AddSurface(SurfaceAt(110 * kMs, Edges(600, 16)));
-  mapper.AddSweep(WallSweep(100 * kMs));
-  ASSERT_TRUE(mapper.Update());
+  Mapper mapper = WithFirstSweep();
   // Half a metre forward since: the wall, which the sweep finds 2 m away, is another one, and so are the edges.
   const Rigid3 T_world_event = Rigid3::Translation({0, 0, 0.5});
   for (int k = 11; k <= 22; ++k) {
@@ -707,18 +710,11 @@ TEST(Mapper, UsesTheNewestSurfaceForASweepOnceThereArePoses) {
 }
 
 TEST(Mapper, BeginsAChapterWithTheSweepOfANewViewNotWithThoseBefore) {
-  Mapper mapper(LidarRig(), OdometryOptions());
-  mapper.AddSurface(SurfaceAt(50 * kMs, Edges(600, 16)));
-  mapper.AddSurface(SurfaceAt(110 * kMs, Edges(600, 16)));
-  mapper.AddSweep(WallSweep(100 * kMs));
-  ASSERT_TRUE(mapper.Update());
+  Mapper mapper = WithFirstSweep();
   const Rigid3 turned_round = Rigid3::Rotation(ExpSO3({0, M_PI, 0}));
   for (int k = 12; k <= 22; ++k) {
     mapper.AddSurface(SurfaceAt(10 * k * kMs, Edges(600, 20)));
-    PoseEstimate lost = PoseAt(10 * k * kMs, turned_round);
-    lost.state = TrackingState::kLost;
-    lost.needs_map = true;
-    mapper.AddPose(lost);
+    mapper.AddPose(LostAt(10 * k * kMs, turned_round, true));
   }
   mapper.AddSweep(WallSweep(218 * kMs));
   const auto map = mapper.Update();

@@ -29,7 +29,7 @@ struct InertialScatter {
 class InertialBuffer {
  public:
   /// The last sample holds for so long, or for a period and a quarter of a sensor that is slower than that.
-  static constexpr std::int64_t kMaxHold_ns = 15'000'000;
+  static constexpr std::int64_t kLeastHold_ns = 15'000'000;
 
   /// Samples in the order of their time; one that is not newer than the last, or whose angular velocity is not finite,
   /// is left out.

@@ -44,7 +44,8 @@ struct BagRange {
 
 /// How many messages the reader left out, and why.
 struct LeftOut {
-  std::uint64_t events_stray = 0;     ///< times far from those of the other events of their message, or after it
+  std::uint64_t events_stray =
+      0;  ///< far in time from the others of their message, or, at the beginning, from the next one
   std::uint64_t depth_unordered = 0;  ///< images and sweeps that were not later than the one before
   std::uint64_t imu_unordered = 0;
   std::uint64_t imu_no_reading = 0;        ///< IsReading() says no

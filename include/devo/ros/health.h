@@ -11,24 +11,12 @@
 #include <vector>
 
 #include <diagnostic_updater/diagnostic_updater.h>
-#include <ros/master.h>
 #include <ros/node_handle.h>
 
+#include "devo/ros/known_topics.h"
 #include "devo/ros/statistics.h"
 
 namespace devo {
-
-/// Topics and types that the master knows.
-using KnownTopics = ros::master::V_TopicInfo;
-
-/// Asked once in a moment for all nodelets of the process: reading the answer, which names all topics of a robot, is
-/// most of what they cost while they wait. Empty while there is no master.
-std::shared_ptr<const KnownTopics> AskForTopics();
-
-/// What the master says about a topic, as the end of a sentence: "nobody publishes it; EventArray topics that exist:
-/// /dvs/events" or "it is advertised but nothing comes". `type`: name without package, such as "EventArray", or several
-/// that will do: "EventArray or EventPacket".
-std::string DescribeTopic(const KnownTopics& known, const std::string& topic, const std::string& type);
 
 /// One subscribed topic. Arrivals may be reported from any thread.
 class Input {

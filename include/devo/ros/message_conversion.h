@@ -26,6 +26,9 @@
 
 namespace devo {
 
+/// A longer gap between events than this is one between recordings, unless it is said otherwise.
+constexpr double kRecordingGap_s = 10;
+
 /// Of events in the order of time, keeps the most that have no gap beyond `most_gap_s` between them; returns how many
 /// went. One bit of a message that was transferred wrongly puts an event years away, and what decides by the newest
 /// event's time would take it for another recording.

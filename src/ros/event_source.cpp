@@ -9,7 +9,6 @@
 #include <ros/message_traits.h>
 
 #include "devo/ros/event_message_types.h"
-#include "devo/ros/known_topics.h"
 
 namespace devo {
 namespace {
@@ -53,7 +52,8 @@ ros::Subscriber SubscribeTo(ros::NodeHandle nh, const std::string& topic, int qu
 }  // namespace
 
 struct EventMessageType {
-  std::string name;
+  std::string name, md5;
+  EventMessage (*wrap)(const topic_tools::ShapeShifter& message);
   ros::Subscriber (*subscribe)(ros::NodeHandle nh, const std::string& topic, int queue_size, OnMessage on_message);
 };
 
@@ -61,7 +61,9 @@ namespace {
 
 template <typename Message>
 EventMessageType TypeOf() {
-  return {ros::message_traits::DataType<Message>::value(), &SubscribeTo<Message>};
+  return {ros::message_traits::DataType<Message>::value(), ros::message_traits::MD5Sum<Message>::value(),
+          [](const topic_tools::ShapeShifter& message) { return Wrap<Message>(ContentAs<Message>(message)); },
+          &SubscribeTo<Message>};
 }
 
 template <typename... Messages>
@@ -74,42 +76,33 @@ const std::vector<EventMessageType>& KnownTypes() {
   return types;
 }
 
-/// In which type to subscribe a topic; null when the master does not know the topic yet.
-const EventMessageType* TypeFor(const std::string& topic) {
-  const std::vector<EventMessageType>& types = KnownTypes();
-  const auto known = AskForTopics();
-  for (const ros::master::TopicInfo& info : *known) {
-    if (info.name != topic) continue;
-    for (const EventMessageType& type : types) {
-      if (type.name == info.datatype) return &type;
-    }
-    return &types[info.datatype.find("/EventPacket") != std::string::npos ? 1 : 0];
+/// In which type to subscribe a topic: its own where that is built in, else one of the same layout; null for none.
+const EventMessageType* TypeFor(const topic_tools::ShapeShifter& message) {
+  const EventMessageType* same_layout = nullptr;
+  for (const EventMessageType& type : KnownTypes()) {
+    if (type.name == message.getDataType()) return &type;
+    if (!same_layout && type.md5 == message.getMD5Sum()) same_layout = &type;
   }
-  return nullptr;
+  return same_layout;
 }
 
 }  // namespace
 
 EventSource::EventSource(const ros::NodeHandle& nh, const std::string& topic, int queue_size, OnMessage on_message)
-    : nh_(nh), topic_(nh.resolveName(topic)), queue_size_(queue_size), on_message_(std::move(on_message)) {
-  if (Subscribe()) return;
-  timer_ = nh_.createWallTimer(ros::WallDuration(0.5), [this](const ros::WallTimerEvent&) {
-    if (Subscribe()) timer_.stop();
-  });
-}
+    : nh_(nh), topic_(nh.resolveName(topic)), queue_size_(queue_size), on_message_(std::move(on_message)),
+      probe_(nh_, topic_, [this](const topic_tools::ShapeShifter& message) { return Subscribe(message); }) {}
 
-bool EventSource::Subscribe() {
-  // Not before the type is known: roscpp refuses a second type on a topic within a process, and whoever is there with
-  // the right one would be stopped by ours.
-  const EventMessageType* type = TypeFor(topic_);
-  if (!type) return false;
+bool EventSource::Subscribe(const topic_tools::ShapeShifter& first) {
+  const EventMessageType* type = TypeFor(first);
   try {
+    if (!type) throw ros::Exception("that is neither an EventArray nor an EventPacket");
     subscriber_ = type->subscribe(nh_, topic_, queue_size_, on_message_);
+    on_message_(type->wrap(first));
     return true;
-  } catch (const ros::Exception& error) {
-    ROS_WARN_STREAM_THROTTLE(10, "cannot subscribe to " << topic_ << " as " << type->name << ", expected one type of "
-                                                        << "messages on it within this process: " << error.what());
-    return false;
+  } catch (const std::exception& error) {
+    ROS_WARN_STREAM_THROTTLE(
+        10, "events on " << topic_ << " are not taken as " << first.getDataType() << ": " << error.what());
+    return subscriber_;
   }
 }
 

@@ -7,7 +7,6 @@
 
 #include "devo/core/time.h"
 #include "devo/ros/conversions.h"
-#include "devo/ros/known_topics.h"
 #include "devo/ros/topics.h"
 
 namespace devo {
@@ -24,23 +23,22 @@ Rigid3 PoseOf(const geometry_msgs::TransformStamped& message) { return FromTrans
 
 GroundTruth::GroundTruth(const ros::NodeHandle& nh, const std::string& topic, const Rigid3& T_body_event)
     : nh_(nh), topic_(nh.resolveName(topic)), T_body_event_(T_body_event),
-      publisher_(nh_.advertise<nav_msgs::Path>(topics::kGroundTruthPath, 1, true)) {
-  timer_ = nh_.createWallTimer(ros::WallDuration(0.5), [this](const ros::WallTimerEvent&) { CheckType(); });
-  CheckType();
-}
+      publisher_(nh_.advertise<nav_msgs::Path>(topics::kGroundTruthPath, 1, true)),
+      probe_(nh_, topic_, [this](const topic_tools::ShapeShifter& first) { return Subscribe(first.getDataType()); }) {}
 
-void GroundTruth::CheckType() {
-  const auto known = AskForTopics();
-  for (const ros::master::TopicInfo& info : *known) {
-    if (info.name != topic_) continue;
-    timer_.stop();
-    if (info.datatype == "nav_msgs/Odometry") return SubscribeTo<nav_msgs::Odometry>();
-    if (info.datatype == "geometry_msgs/TransformStamped") return SubscribeTo<geometry_msgs::TransformStamped>();
-    if (info.datatype == "geometry_msgs/PoseStamped") return SubscribeTo<geometry_msgs::PoseStamped>();
-    // roscpp throws where somebody in this process has subscribed it in its type, and in a timer that ends the manager.
-    ROS_WARN_STREAM("no ground truth: " << topic_ << " (key 'topics.ground_truth') is published as " << info.datatype
-                                        << ", expected PoseStamped, Odometry or TransformStamped");
+bool GroundTruth::Subscribe(const std::string& type) {
+  if (type == "nav_msgs/Odometry") {
+    SubscribeTo<nav_msgs::Odometry>();
+  } else if (type == "geometry_msgs/TransformStamped") {
+    SubscribeTo<geometry_msgs::TransformStamped>();
+  } else if (type == "geometry_msgs/PoseStamped") {
+    SubscribeTo<geometry_msgs::PoseStamped>();
+  } else {
+    ROS_WARN_STREAM_THROTTLE(10, "no ground truth: " << topic_ << " (key 'topics.ground_truth') is published as "
+                                                     << type << ", expected PoseStamped, Odometry or TransformStamped");
+    return false;
   }
+  return true;
 }
 
 template <typename Message>

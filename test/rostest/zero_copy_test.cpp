@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <nodelet/loader.h>
 #include <ros/ros.h>
+#include <std_msgs/String.h>
 
 #include <algorithm>
 #include <set>
@@ -104,6 +105,44 @@ TYPED_TEST(DriverMessages, ReachTheEventSourceAsTheObjectThatTheDriverPublished)
     return !received.empty() && received.back().message.get() == message.get();
   })) << type
       << ", after " << received.size() << " messages";
+}
+
+template <typename Message>
+ros::Publisher DriverWithSubscriber(const std::string& topic) {
+  ros::NodeHandle nh;
+  ros::Publisher driver = nh.advertise<Message>(topic, 10);
+  EXPECT_TRUE(SpinUntil([&] { return driver.getNumSubscribers() > 0; }));
+  return driver;
+}
+
+TEST(EventSource, LosesNothingOfADriverThatComesLaterAndCopiesItsFirstMessageOnly) {
+  std::vector<EventMessage> received;
+  const EventSource source(ros::NodeHandle(), "/later_driver", 10,
+                           [&](EventMessage message) { received.push_back(std::move(message)); });
+  const ros::Publisher driver = DriverWithSubscriber<EventArray>("/later_driver");
+  std::vector<boost::shared_ptr<EventArray>> sent;
+  for (std::size_t i = 0; i < 3; ++i) {
+    sent.push_back(boost::make_shared<EventArray>());
+    sent.back()->events.resize(5 + i);
+    driver.publish(ConstPtr<EventArray>(sent.back()));
+    ASSERT_TRUE(SpinUntil([&] { return received.size() == i + 1; }, 1)) << i;
+    EXPECT_EQ(received[i].num_events, 5 + i);
+  }
+  EXPECT_EQ(received[1].message.get(), sent[1].get());
+  EXPECT_EQ(received[2].message.get(), sent[2].get());
+}
+
+TEST(EventSource, LeavesOutWhatIsNoEventsAndTakesEventsThatFollow) {
+  std::vector<EventMessage> received;
+  const EventSource source(ros::NodeHandle(), "/mixed", 10,
+                           [&](EventMessage message) { received.push_back(std::move(message)); });
+  ros::Publisher text = DriverWithSubscriber<std_msgs::String>("/mixed");
+  text.publish(std_msgs::String());
+  EXPECT_FALSE(SpinUntil([&] { return !received.empty(); }, 0.1));
+  text.shutdown();
+  const ros::Publisher driver = DriverWithSubscriber<EventArray>("/mixed");
+  driver.publish(EventArray());
+  EXPECT_TRUE(SpinUntil([&] { return received.size() == 1; }, 1));
 }
 
 /// Events of a bright dot that wanders over a 32x24 image, 10 ms each.

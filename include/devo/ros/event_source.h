@@ -11,6 +11,7 @@
 #include <boost/shared_ptr.hpp>
 
 #include "devo/ros/message_conversion.h"
+#include "devo/ros/topic_probe.h"
 
 namespace devo {
 
@@ -25,24 +26,24 @@ struct EventMessage {
   bool after_loss = false;  ///< messages before it were dropped
 };
 
-/// Subscribes in the C++ type of the topic's publisher, as the master names it (also when the publisher starts later),
-/// so that within one process its object comes without a copy: EventArray and EventPacket of this package and, where
-/// they were there when this was built, of dvs_msgs, prophesee_event_msgs and event_camera_msgs. Any other package's
-/// messages of the same md5 come as this package's.
+/// Subscribes in the C++ type of the topic's publisher, as its first message names it, so that within one process the
+/// publisher's object comes without a copy from the second message on: EventArray and EventPacket of this package and,
+/// where they were there when this was built, of dvs_msgs, prophesee_event_msgs and event_camera_msgs. Any other
+/// package's messages of the same md5 come as this package's. What is neither is named in the log and left out.
 class EventSource {
  public:
   EventSource(const ros::NodeHandle& nh, const std::string& topic, int queue_size,
               std::function<void(EventMessage)> on_message);
 
  private:
-  bool Subscribe();  ///< false while that cannot be yet
+  bool Subscribe(const topic_tools::ShapeShifter& first);  ///< false where that cannot be, which it says in the log
 
   ros::NodeHandle nh_;
   std::string topic_;
   int queue_size_;
   std::function<void(EventMessage)> on_message_;
   ros::Subscriber subscriber_;
-  ros::WallTimer timer_;
+  TopicProbe probe_;  // last: it ends before what it sets
 };
 
 }  // namespace devo

@@ -12,13 +12,14 @@
 #include <ros/node_handle.h>
 
 #include "devo/io/trajectory.h"
+#include "devo/ros/topic_probe.h"
 
 namespace devo {
 
 /// Thread-safe.
 class GroundTruth {
  public:
-  /// `topic` carries PoseStamped, Odometry or TransformStamped; which, the master knows. `T_body_event`: from the
+  /// `topic` carries PoseStamped, Odometry or TransformStamped; which, its first message says. `T_body_event`: from the
   /// event camera to the body whose pose it is.
   GroundTruth(const ros::NodeHandle& nh, const std::string& topic, const Rigid3& T_body_event);
 
@@ -32,7 +33,7 @@ class GroundTruth {
   void Clear();
 
  private:
-  void CheckType();
+  bool Subscribe(const std::string& type);  ///< false for types that hold no pose
   void Add(std::int64_t t_ns, const Rigid3& T_world_body);
   template <typename Message>
   void SubscribeTo();
@@ -48,7 +49,7 @@ class GroundTruth {
   std::int64_t published_ns_ = 0;
   ros::Publisher publisher_;
   ros::Subscriber subscriber_;
-  ros::WallTimer timer_;
+  TopicProbe probe_;  // last: it ends before what it sets
 };
 
 }  // namespace devo

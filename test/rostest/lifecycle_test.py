@@ -86,12 +86,13 @@ class LifecycleTest(unittest.TestCase):
         for service in ("/devo/surface/reset", "/devo/mapping/save_map", "/devo/tracking/save_trajectory"):
             rospy.wait_for_service(service, 30)
         time.sleep(1)
-        pid = pid_of("/devo/manager")
-        before = cpu_seconds(pid)
+        pids = [pid_of("/devo/manager"), pid_of("/empty_manager")]
+        before = [cpu_seconds(pid) for pid in pids]
         time.sleep(IDLE_S)
-        share = (cpu_seconds(pid) - before) / IDLE_S
-        print("idle: %.2f %% of a core" % (100 * share))
-        self.assertLess(share, 0.01)
+        full, empty = [(cpu_seconds(pid) - begin) / IDLE_S for pid, begin in zip(pids, before)]
+        print("idle: %.2f %% of a core, of which an empty manager takes %.2f" % (100 * full, 100 * empty))
+        # What a manager's threads cost to wake for nothing is the machine's: four times as much on some.
+        self.assertLess(full - empty, 0.01)
 
     def test_2_small_jumps_go_on_and_large_and_backward_ones_begin_a_new_epoch(self):
         first = self.play(0, 0.9)

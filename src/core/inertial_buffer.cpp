@@ -31,10 +31,13 @@ void InertialBuffer::Add(const ImuSample& sample) {
   while (SecondsFromNs(sample.t_ns - samples_.front().t_ns) > kKept_s) samples_.pop_front();
 }
 
+std::int64_t InertialBuffer::HoldOf_ns(std::int64_t period_ns) {
+  return std::clamp(period_ns + period_ns / 4, kLeastHold_ns, kMaxImuGap_ns);
+}
+
 std::int64_t InertialBuffer::Hold_ns() const {
   if (samples_.size() < 2) return kLeastHold_ns;
-  const std::int64_t period_ns = samples_.back().t_ns - samples_[samples_.size() - 2].t_ns;
-  return std::clamp(period_ns + period_ns / 4, kLeastHold_ns, kMaxImuGap_ns);
+  return HoldOf_ns(samples_.back().t_ns - samples_[samples_.size() - 2].t_ns);
 }
 
 void InertialBuffer::Clear() {

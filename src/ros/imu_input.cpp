@@ -57,6 +57,7 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
     return;
   }
   if (!waiting_.empty() && sample.t_ns < waiting_.back().t_ns - kBackwards_ns) waiting_.clear();
+  if (newest_ns_ != 0) period_ns_ = std::max<std::int64_t>(0, sample.t_ns - newest_ns_);
   newest_ns_ = sample.t_ns;
   waiting_.push_back(sample);
   ++accepted_;
@@ -84,13 +85,13 @@ void ImuInput::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
   status.add("IMU samples that are no reading", no_reading_);
   status.add("IMU samples that waited too long", overflowed_);
   status.addf("IMU samples behind the surfaces p50 (ms)", "%.1f", behind_ms_.At(0.5));
-  const double kUsable_ms = 1e3 * SecondsFromNs(InertialBuffer::kLeastHold_ns);
-  if (behind_ms_.At(0.5) > kUsable_ms) {
+  const double usable_ms = 1e3 * SecondsFromNs(InertialBuffer::HoldOf_ns(period_ns_));
+  if (behind_ms_.At(0.5) > usable_ms) {
     status.mergeSummaryf(
         diagnostic_msgs::DiagnosticStatus::WARN,
         "IMU samples come %.0f ms after the surfaces of their time, too late to be of use beyond %.0f: "
         "its driver's latency, or imu_time_offset_s",
-        behind_ms_.At(0.5), kUsable_ms);
+        behind_ms_.At(0.5), usable_ms);
   }
 }
 

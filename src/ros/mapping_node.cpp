@@ -73,11 +73,11 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   health_.AddTask("mapping", [this](auto& status) { FillStatus(status); });
   worker_ = std::make_unique<Worker>(Worker::Urgency::kUsual, [this] { return Step(); });
 
-  SubscribeToDepth(transport);
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,
                                          [this](const OdometryOptions& options) { OnOptions(options); });
   save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
   rig_->Start();
+  SubscribeToDepth(transport);  // its callback tells the rig a frame
   // Last, since nothing may throw any more: they must go before their worker.
   ros::NodeHandle on_worker = worker_->HandleOf(nh_);
   surface_subscriber_ = on_worker.subscribe<Surface>(

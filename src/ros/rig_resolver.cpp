@@ -44,14 +44,17 @@ void RigResolver::Start() {
   const bool needs_imu = need_.imu && !config_.T_event_imu;
   // Through the frame of a depth camera that carries it; a LiDAR has no CameraInfo that would name its own.
   const bool imu_by_depth = needs_imu && config_.T_event_apart_depth() && !config_.depth_from_lidar();
-  if (!event_.camera || ((needs_transforms || needs_imu) && event_.frame.empty())) Subscribe(&event_);
+  const bool needs_event_info = !event_.camera || ((needs_transforms || needs_imu) && event_.frame.empty());
   const bool needs_depth_frame = imu_by_depth || (NeedsDepthCamera() && needs_extrinsics);
-  if ((NeedsDepthCamera() && !depth_.camera) || (needs_depth_frame && depth_.frame.empty())) Subscribe(&depth_);
+  const bool needs_depth_info = (NeedsDepthCamera() && !depth_.camera) || (needs_depth_frame && depth_.frame.empty());
+  TryToResolve();
+  // Nothing after this: callbacks may run on the queue's thread from here on.
+  if (needs_event_info) Subscribe(&event_);
+  if (needs_depth_info) Subscribe(&depth_);
   if (needs_transforms) {
     transform_subscriber_ = nh_.subscribe<tf2_msgs::TFMessage>(
         "/tf_static", 100, [this](const tf2_msgs::TFMessageConstPtr& message) { OnTransforms(*message); });
   }
-  TryToResolve();
 }
 
 void RigResolver::Subscribe(CameraSource* source) {

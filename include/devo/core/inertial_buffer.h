@@ -30,6 +30,7 @@ class InertialBuffer {
  public:
   /// The last sample holds for so long, or for a period and a quarter of a sensor that is slower than that.
   static constexpr std::int64_t kLeastHold_ns = 15'000'000;
+  static std::int64_t HoldOf_ns(std::int64_t period_ns);
 
   /// Samples in the order of their time; one that is not newer than the last, or whose angular velocity is not finite,
   /// is left out.

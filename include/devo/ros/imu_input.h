@@ -46,7 +46,7 @@ class ImuInput {
   tf2::BufferCore transforms_;
   mutable std::mutex mutex_;
   std::deque<ImuSample> waiting_;
-  std::int64_t newest_ns_ = 0;
+  std::int64_t newest_ns_ = 0, period_ns_ = 0;
   Quantiles behind_ms_;  // the newest sample, when a surface asks
   std::uint64_t accepted_ = 0, without_transform_ = 0, no_reading_ = 0, overflowed_ = 0;
   ros::Subscriber imu_subscriber_, transform_subscriber_;

@@ -37,8 +37,6 @@ constexpr double kRulesOutSearch_s = 0.1, kInertialRulesOutSearch_s = 0.25;
 // for tens of milliseconds, and what lies between two is a guess that depth contradicts where the motion changes fast:
 // what an inertial sensor led to is not given up for that.
 constexpr int kContradictions = 2, kInertialContradictions = 6;
-// Over so short a time two depth images tell the velocity of now.
-constexpr double kEven_s = 0.1;
 constexpr double kMaxBefore = 0.25;  // of the time between two images, that lies before a standstill
 constexpr double kHeld_m = 5e-3;     // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
@@ -144,7 +142,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
 }
 
 bool Tracker::GoesAstrayAgain(std::int64_t t_ns) const {
-  const bool known = SecondsFromNs(t_ns - depth_fusion_.velocity_since_ns()) < kEven_s;
+  const bool known = SecondsFromNs(t_ns - depth_fusion_.velocity_since_ns()) < DepthFusion::kMaxPeriod_s;
   return known && !inertial_prior_ && depth_fusion_.replacements() > 1;
 }
 

@@ -18,6 +18,8 @@ namespace devo {
 /// Not thread-safe.
 class DepthFusion {
  public:
+  static constexpr double kMaxPeriod_s = 0.25;  ///< between two depth images that tell the velocity
+
   /// What a pose by depth is compared with.
   struct Estimate {
     Rigid3 T_world_event;       ///< at the depth image's time

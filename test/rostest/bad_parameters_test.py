@@ -115,10 +115,13 @@ class BadParametersTest(unittest.TestCase):
         self.load("Tracking", "odd_truth", config=config)
         self.assertTrue(self.await_true(lambda: "odd_truth: inputs" in self.diagnostics), sorted(self.diagnostics))
         publisher = rospy.Publisher("/dvs/camera_info", CameraInfo, queue_size=1)
+
+        def is_named():
+            publisher.publish(CameraInfo())
+            return any("/dvs/camera_info" in m.msg and "sensor_msgs/CameraInfo" in m.msg and
+                       "expected PoseStamped" in m.msg for m in list(self.log))
         try:
-            self.assertTrue(self.await_true(lambda: any(
-                "/dvs/camera_info" in m.msg and "sensor_msgs/CameraInfo" in m.msg and "expected PoseStamped" in m.msg
-                for m in list(self.log))), "no word about the type")
+            self.assertTrue(self.await_true(is_named), "no word about the type")
             del self.diagnostics["odd_truth: inputs"]
             self.assertTrue(self.await_true(lambda: "odd_truth: inputs" in self.diagnostics), "the manager has died")
         finally:

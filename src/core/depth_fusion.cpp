@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -18,6 +19,7 @@ constexpr double kAlike_s = 0.1;
 constexpr double kMapsApart = 3e-3;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
+constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
 // Real depth errs in more ways than are stated (its calibration moves, its clock is off). What differs more than usual,
 // as a normalised square, may be its error as well as the pose's, unless something else says that it is the pose.
 constexpr double kUsualSquare = 4;
@@ -39,14 +41,18 @@ constexpr double kErrorExponent = 0.5;
 
 }  // namespace
 
+bool DepthFusion::KnowsVelocity() const {
+  const double since_s = last_ ? SecondsFromNs(last_->t_ns - velocity_since_ns_) : 0;
+  return since_s > 0 && since_s < kMaxPeriod_s;
+}
+
 void DepthFusion::NoteVelocity(const DepthPose& depth) {
-  const double since_s = last_ ? SecondsFromNs(depth.t_ns - last_->t_ns) : 0;
+  const DepthPose before = std::exchange(last_, depth).value_or(depth);
+  velocity_since_ns_ = before.t_ns;
   velocity_.setZero();
-  if (since_s > 0 && since_s < kMaxPeriod_s) {
-    velocity_ = Log(last_->T_world_event.inverse() * depth.T_world_event) / since_s;
+  if (KnowsVelocity()) {
+    velocity_ = Log(before.T_world_event.inverse() * depth.T_world_event) / SecondsFromNs(depth.t_ns - before.t_ns);
   }
-  velocity_since_ns_ = last_ ? last_->t_ns : depth.t_ns;
-  last_ = depth;
   past_.push_back(depth);
   while (SecondsFromNs(depth.t_ns - past_.front().t_ns) > kPast_s) past_.pop_front();
 }

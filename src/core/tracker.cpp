@@ -124,7 +124,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   estimate.doubtful = status_.doubtful();
   const auto correction = depth_fusion_.Correct(depth, estimate);
   const bool was_false = correction && correction->widened > 1;
-  if (was_false && !held() && GoesAstrayAgain(depth.t_ns)) {
+  if (was_false && !held() && GoesAstrayAgain()) {
     StartByDepth(depth, depth_fusion_.velocity_event());
   } else if (correction && !held()) {
     using Since = MotionPast::Since;
@@ -141,9 +141,8 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   }
 }
 
-bool Tracker::GoesAstrayAgain(std::int64_t t_ns) const {
-  const bool known = SecondsFromNs(t_ns - depth_fusion_.velocity_since_ns()) < DepthFusion::kMaxPeriod_s;
-  return known && !inertial_prior_ && depth_fusion_.replacements() > 1;
+bool Tracker::GoesAstrayAgain() const {
+  return depth_fusion_.KnowsVelocity() && !inertial_prior_ && depth_fusion_.replacements() > 1;
 }
 
 void Tracker::StartByDepth(const DepthPose& depth, const Vector6d& velocity_event) {

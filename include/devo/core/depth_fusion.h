@@ -18,8 +18,6 @@ namespace devo {
 /// Not thread-safe.
 class DepthFusion {
  public:
-  static constexpr double kMaxPeriod_s = 0.25;  ///< between two depth images that tell the velocity
-
   /// What a pose by depth is compared with.
   struct Estimate {
     Rigid3 T_world_event;       ///< at the depth image's time
@@ -57,7 +55,8 @@ class DepthFusion {
   bool AgreedWithin(double span_s, std::int64_t t_ns) const;
   /// The same of the last that agreed in the directions that it knows, be it not all.
   bool AgreedInPartWithin(double span_s, std::int64_t t_ns) const;
-  const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: they are far apart
+  bool KnowsVelocity() const;                                            ///< the last two are near enough in time
+  const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: it is not known
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much later than a depth image's stamp events show its moment.
   const DepthDelay& delay() const { return delay_; }

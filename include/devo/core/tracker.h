@@ -93,9 +93,9 @@ class Tracker {
                double speed_sigma_m_s = MotionFilter::kStartSpeed_m_s);
   /// The filter starts anew, at its time and pose of now.
   void NoteStart();
-  /// Moved to where depth has it, the pose went astray again until `t_ns`, of the last depth image: its velocity is
+  /// Moved to where depth has it, the pose went astray again until the last depth image: its velocity is
   /// false, and depth knows a better.
-  bool GoesAstrayAgain(std::int64_t t_ns) const;
+  bool GoesAstrayAgain() const;
   /// From the pose by depth, moved to now with this velocity.
   void StartByDepth(const DepthPose& depth, const Vector6d& velocity_event);
   /// By depth, since it is held.

@@ -146,7 +146,10 @@ void MappingNode::OnPose(const PoseConstPtr& pose) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     answers_.push_back(pose);
-    if (answers_.size() > kMaxWaitingSurfaces) answers_.pop_front();
+    if (answers_.size() > kMaxWaitingSurfaces) {
+      answers_.pop_front();
+      ++poses_dropped_;
+    }
   }
   worker_->Wake();
 }
@@ -259,7 +262,7 @@ void MappingNode::AddImage(const sensor_msgs::Image& image) {
                              std::to_string(camera.height()) + " as the depth camera's calibration says");
   }
   mapper_->AddDepth(depth);
-  DrawDepthOverlay(depth, resolved_.rig);
+  DrawDepthOverlay(depth, resolved_.rig.T_event_depth);
 }
 
 void MappingNode::AddDepth(const DepthMessage& message) {
@@ -293,9 +296,8 @@ void MappingNode::JudgeAlignment(const Mapper::Match& match) {
   if (std::abs(SecondsFromNs(match.depth.t_ns - judged_ns_)) < kJudgePeriod_s || match.surface->still) return;
   judged_ns_ = match.depth.t_ns;
   const Camera camera = resolved_.rig.event_camera.Undistorted();
-  if (depth_rays_.empty()) depth_rays_ = RayTable(resolved_.rig.depth_camera);
   const SilhouetteFit fit =
-      FitSilhouettes(ProjectSilhouettes(match.depth.depth_m, depth_rays_, match.T_event_depth, camera), *match.surface,
+      FitSilhouettes(ProjectSilhouettes(match.depth.depth_m, DepthRays(), match.T_event_depth, camera), *match.surface,
                      match.velocity_event, camera);
   if (fit.silhouettes == 0) return;
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -323,20 +325,27 @@ void MappingNode::PublishGlobalMap() {
   global_cloud_publisher_.publish(ToPointCloudMsg(global_map_, T_odom_world_, last_surface_->t_ns, odom_frame_));
 }
 
-void MappingNode::DrawDepthOverlay(const DepthImage& depth, const Rig& rig) {
+const cv::Mat2f& MappingNode::DepthRays() {
+  if (depth_rays_.empty()) {
+    const Rig& rig = resolved_.rig;
+    // What a LiDAR's sweeps become is in the undistorted event image.
+    depth_rays_ = RayTable(rig.depth_from_lidar ? rig.event_camera.Undistorted() : rig.depth_camera);
+  }
+  return depth_rays_;
+}
+
+void MappingNode::DrawDepthOverlay(const DepthImage& depth, const Rigid3& T_event_depth) {
   if (!last_surface_ || overlay_publisher_.getNumSubscribers() == 0) return;
-  overlay_publisher_.publish(
-      ToImageMsg(RenderDepthOverlay(*last_surface_, depth, rig), depth.t_ns, resolved_.event_frame));
+  const cv::Mat3b picture =
+      RenderDepthOverlay(*last_surface_, depth, DepthRays(), T_event_depth, resolved_.rig.event_camera.Undistorted());
+  overlay_publisher_.publish(ToImageMsg(picture, depth.t_ns, resolved_.event_frame));
 }
 
 void MappingNode::DrawLidarOverlay() {
   const DepthImage& depth = mapper_->lidar_depth();
   if (depth.depth_m.empty() || depth.t_ns == drawn_ns_) return;
   drawn_ns_ = depth.t_ns;
-  Rig rig;  // what the sweeps became is in the undistorted event image
-  rig.event_camera = resolved_.rig.event_camera;
-  rig.depth_camera = rig.event_camera.Undistorted();
-  DrawDepthOverlay(depth, rig);
+  DrawDepthOverlay(depth, Rigid3());
 }
 
 bool MappingNode::OnSaveMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -391,6 +400,7 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("depth images dropped", depth_dropped_);
   status.add("depth images refused", depth_refused_);
   status.add("surfaces dropped", surfaces_dropped_);
+  status.add("poses dropped", poses_dropped_);
   status.addf("scene depth, median (m)", "%.2f", scene_depth_.median_m);
   status.addf("mapping p50 (ms)", "%.2f", mapping_ms_.At(0.5));
   status.addf("mapping p99 (ms)", "%.2f", mapping_ms_.At(0.99));

@@ -79,10 +79,9 @@ cv::Mat3b RenderReprojection(const Surface& surface, const LocalMap& map, const 
   return picture;
 }
 
-cv::Mat3b RenderDepthOverlay(const Surface& surface, const DepthImage& depth, const Rig& rig) {
-  const Camera target = rig.event_camera.Undistorted();
-  const cv::Mat2f rays = RayTable(rig.depth_camera);
-  const cv::Size size(target.width(), target.height());
+cv::Mat3b RenderDepthOverlay(const Surface& surface, const DepthImage& depth, const cv::Mat2f& rays,
+                             const Rigid3& T_event_depth, const Camera& camera) {
+  const cv::Size size(camera.width(), camera.height());
   cv::Mat1f nearest(size, 0.F);
   const int rows = std::min(rays.rows, depth.depth_m.rows), cols = std::min(rays.cols, depth.depth_m.cols);
   for (int y = 0; y < rows; ++y) {
@@ -90,9 +89,9 @@ cv::Mat3b RenderDepthOverlay(const Surface& surface, const DepthImage& depth, co
       const float z = depth.depth_m(y, x);
       const cv::Vec2f& ray = rays(y, x);
       if (!(z > 0) || std::isnan(ray[0])) continue;
-      const Eigen::Vector3d p = rig.T_event_depth * Eigen::Vector3d(z * ray[0], z * ray[1], z);
-      const auto u = target.Project(p);
-      if (!u || !target.Contains(*u)) continue;
+      const Eigen::Vector3d p = T_event_depth * Eigen::Vector3d(z * ray[0], z * ray[1], z);
+      const auto u = camera.Project(p);
+      if (!u || !camera.Contains(*u)) continue;
       float& there = nearest(cvRound(u->y()), cvRound(u->x()));
       if (there == 0 || p.z() < there) there = static_cast<float>(p.z());
     }

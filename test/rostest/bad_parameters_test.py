@@ -14,6 +14,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
 
+from devo.msg import TrackedPose
+
 KINDS = ("TimeSurface", "Mapping", "Tracking")
 
 
@@ -139,6 +141,26 @@ class BadParametersTest(unittest.TestCase):
                 "/depth/camera_info", "T_event_depth", "'event_optical' with 'depth_optical'"))
         self.assertTrue(self.await_true(sentences),
                         self.diagnostics["no_camera: inputs"].message if "no_camera: inputs" in self.diagnostics else "-")
+
+    def test_poses_that_a_mapping_without_calibration_cannot_take_are_counted(self):
+        # A camera that nobody calibrates: the 33rd pose on is one too many.
+        config = self.yaml("never_calibrated.yaml", "topics: {events: /never/events, depth: /never/image_raw}\n")
+        self.load("Mapping", "never_calibrated", config=config)
+        publisher = rospy.Publisher("/tracked_pose", TrackedPose, queue_size=100)
+        pose = TrackedPose()
+        pose.T_world_event.orientation.w = pose.T_world_event_edges.orientation.w = 1
+
+        def counted():
+            status = self.diagnostics.get("never_calibrated: mapping")
+            values = {pair.key: pair.value for pair in status.values} if status else {}
+            if publisher.get_num_connections() > 0 and values.get("poses dropped") == "0":
+                for _ in range(40):
+                    publisher.publish(pose)
+            return int(values.get("poses dropped", 0)) >= 8
+        try:
+            self.assertTrue(self.await_true(counted), "no pose dropped: %s" % self.diagnostics.get("never_calibrated: mapping"))
+        finally:
+            publisher.unregister()
 
 
 if __name__ == "__main__":

@@ -63,7 +63,8 @@ class MappingNode {
   void JudgeAlignment(const Mapper::Match& match);
   void Publish(const LocalMapPtr& map);
   void PublishGlobalMap();
-  void DrawDepthOverlay(const DepthImage& depth, const Rig& rig);
+  const cv::Mat2f& DepthRays();  ///< computed once: of the depth images' camera, or of that of the LiDAR's sweeps
+  void DrawDepthOverlay(const DepthImage& depth, const Rigid3& T_event_depth);
   void DrawLidarOverlay();
 
   ros::NodeHandle nh_, private_nh_;
@@ -79,7 +80,7 @@ class MappingNode {
   std::deque<DepthMessage> depths_;
   bool depth_awaits_epoch_ = false;  // its stamps went back: the surfaces' will
   std::int64_t last_depth_ns_ = 0;
-  std::uint64_t surfaces_dropped_ = 0, depth_dropped_ = 0, depth_refused_ = 0;
+  std::uint64_t surfaces_dropped_ = 0, poses_dropped_ = 0, depth_dropped_ = 0, depth_refused_ = 0;
   std::unique_ptr<Mapper> new_mapper_;
   bool options_changed_ = false;  // in config_.odometry, until the worker's mapper has them
   ResolvedRig resolved_;

@@ -10,9 +10,10 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <opencv2/core/mat.hpp>
 
+#include "devo/core/camera.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/local_map.h"
-#include "devo/core/rig.h"
+#include "devo/core/rigid3.h"
 #include "devo/core/surface.h"
 
 namespace devo {
@@ -26,8 +27,10 @@ cv::Mat3b RenderReprojection(const Surface& surface, const LocalMap& map, const 
                              const Camera& camera);
 
 /// The depth image moved into the undistorted event image, coloured by depth, with the surface's edges in white on it:
-/// they lie on the steps of the depth when calibration and time offset are right.
-cv::Mat3b RenderDepthOverlay(const Surface& surface, const DepthImage& depth, const Rig& rig);
+/// they lie on the steps of the depth when calibration and time offset are right. `rays`: RayTable of the depth camera,
+/// which takes longer than the picture; `camera`: undistorted event camera.
+cv::Mat3b RenderDepthOverlay(const Surface& surface, const DepthImage& depth, const cv::Mat2f& rays,
+                             const Rigid3& T_event_depth, const Camera& camera);
 
 /// 8-bit, one channel (mono8) or three (bgr8).
 sensor_msgs::ImagePtr ToImageMsg(const cv::Mat& image, std::int64_t t_ns, const std::string& frame_id);

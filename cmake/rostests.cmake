@@ -23,7 +23,7 @@ add_custom_command(
   DEPENDS devo_simulate
   COMMENT "Simulating a recording in MVSEC's dialect"
   VERBATIM)
-set(devo_vector ${devo_test_data}/vector/desk-normal1)
+set(devo_vector ${devo_test_data}/vector/desk_normal1)
 add_custom_command(
   OUTPUT ${devo_vector}.synced.left_event.bag ${devo_vector}.synced.kinect_depth.bag ${devo_vector}.synced.gt.bag
          ${devo_vector}.synced.imu.bag

@@ -97,6 +97,9 @@ void WriteEvents(const sim::Chunk& chunk, const Camera& camera, const std::strin
 
 std::string BaseName(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
 
+/// Of the files beside it, with its slash; empty: the current one.
+std::string FolderOf(const std::string& path) { return path.substr(0, path.size() - BaseName(path).size()); }
+
 /// A 4x4 matrix as yaml: nested rows (Kalibr) or flat.
 std::string MatrixYaml(const Rigid3& T, bool nested, const std::string& indent) {
   const Eigen::Matrix4d m = T.matrix();
@@ -117,7 +120,7 @@ std::string Numbers(const std::vector<double>& values) {
   return out.str();
 }
 
-/// MVSEC: everything of the DAVISes in two bags; camchain and rectification maps in NAME_calib/.
+/// MVSEC: everything of the DAVISes in two bags; camchain and rectification maps beside them, as the zip has them.
 class MvsecWriter : public SimBagWriter {
  public:
   MvsecWriter(const std::string& stem, const sim::Sequence& sequence, const sim::Sequence* right)
@@ -131,12 +134,10 @@ class MvsecWriter : public SimBagWriter {
     OpenSimBag(stem + "_gt.bag", rosbag::compression::LZ4, &gt_);
     std::string scene = BaseName(stem);
     while (scene.size() > 1 && std::isdigit(static_cast<unsigned char>(scene.back())) != 0) scene.pop_back();
-    const std::string directory = stem.substr(0, stem.size() - BaseName(stem).size()) + scene + "_calib/";
-    MakeOutputFolder(directory);
-    files_ = {stem + "_data.bag", stem + "_gt.bag", directory + "camchain-imucam-" + scene + ".yaml"};
+    files_ = {stem + "_data.bag", stem + "_gt.bag", FolderOf(stem) + "camchain-imucam-" + scene + ".yaml"};
     WriteSimText(files_[2], Camchain());
-    WriteMaps(directory + scene + "_left_");
-    if (T_right_left_) WriteMaps(directory + scene + "_right_");
+    WriteMaps(FolderOf(stem) + scene + "_left_");
+    if (T_right_left_) WriteMaps(FolderOf(stem) + scene + "_right_");
   }
 
   void Write(const sim::Chunk& chunk) override {
@@ -250,7 +251,7 @@ class MvsecWriter : public SimBagWriter {
   int poses_ = 0;
 };
 
-/// VECtor: one bz2 bag per topic.
+/// VECtor: one bz2 bag per topic; calibration in yaml/ beside them, as the data set's site has it.
 class VectorWriter : public SimBagWriter {
  public:
   VectorWriter(const std::string& stem, const sim::Sequence& sequence) : sequence_(sequence), stem_(stem) {
@@ -268,7 +269,7 @@ class VectorWriter : public SimBagWriter {
     if (sequence.options().frames) Open("left_camera");
     if (sequence.options().imu) Open("imu");
     if (sequence.options().lidar) Open("lidar");
-    const std::string directory = stem + "_calib/";
+    const std::string directory = FolderOf(stem) + "yaml/";
     MakeOutputFolder(directory);
     WriteCalibration(directory);
   }

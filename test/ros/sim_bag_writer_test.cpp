@@ -116,7 +116,7 @@ TEST(SimBagWriter, WritesMvsecsTopicsAndACamchainThatItsReaderReads) {
   rosbag::View view(bag, rosbag::TopicQuery("/davis/left/depth_image_raw"));
   ASSERT_GT(view.size(), 0U);
   EXPECT_EQ(view.begin()->instantiate<sensor_msgs::Image>()->encoding, "32FC1");
-  const auto read = ReadMvsecCalibration(Folder() + "/flying_calib/camchain-imucam-flying.yaml");
+  const auto read = ReadMvsecCalibration(Folder() + "/camchain-imucam-flying.yaml");
   EXPECT_EQ(read.event_camera.distortion(), DistortionModel::kEquidistant);
   EXPECT_NEAR(read.event_camera.fx(), sequence.rig().event_camera.fx(), 1e-9);
   ASSERT_TRUE(read.T_event_lidar && read.T_event_imu);
@@ -159,11 +159,11 @@ TEST(SimBagWriter, WritesMvsecsRightCameraOnRequestWithItsPlaceInTheCamchain) {
   // The same motion, 10 cm to the right, in front of the same wall: the camchain says so, and so do the poses.
   const Rigid3 T_left_right = left.trajectory().PoseAt(0.05).inverse() * right.trajectory().PoseAt(0.05);
   EXPECT_LT(Log(T_left_right.inverse() * Rigid3::Translation({0.1, 0, 0})).norm(), 1e-9);
-  std::ifstream file(Folder() + "/stereo_calib/camchain-imucam-stereo.yaml");
+  std::ifstream file(Folder() + "/camchain-imucam-stereo.yaml");
   const std::string text(std::istreambuf_iterator<char>(file), {});
   EXPECT_NE(text.find("cam1:\n  T_cn_cnm1:\n  - [1, 0, 0, -0.1]"), std::string::npos) << text;
-  EXPECT_NO_THROW(ReadMvsecCalibration(Folder() + "/stereo_calib/camchain-imucam-stereo.yaml"));
-  EXPECT_TRUE(std::ifstream(Folder() + "/stereo_calib/stereo_right_x_map.txt").good());
+  EXPECT_NO_THROW(ReadMvsecCalibration(Folder() + "/camchain-imucam-stereo.yaml"));
+  EXPECT_TRUE(std::ifstream(Folder() + "/stereo_right_x_map.txt").good());
 }
 
 TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
@@ -180,7 +180,7 @@ TEST(SimBagWriter, WritesVectorsBagsAndCalibrationThatItsReaderReads) {
   EXPECT_EQ(EventsIn(stem + ".synced.left_event.bag", "/prophesee/left/events"), events);
   EXPECT_EQ(TypesIn(stem + ".synced.kinect_depth.bag").count("/kinect/depth_image"), 1U);
   EXPECT_EQ(TypesIn(stem + ".synced.gt.bag").at("/gt/pose"), "geometry_msgs/PoseStamped");
-  const auto read = ReadVectorCalibration(stem + "_calib");
+  const auto read = ReadVectorCalibration(Folder() + "/yaml");
   ASSERT_TRUE(read.T_event_depth && read.depth_camera && read.T_body_event);
   EXPECT_LT(Log(read.T_event_depth->inverse() * sequence.rig().T_event_depth).norm(), 1e-9);
   ASSERT_TRUE(read.T_event_lidar && read.T_event_imu);
@@ -216,7 +216,7 @@ TEST(SimBagWriter, WritesFramesOfVectorsRegularCameraFromWhereItsCalibrationSays
   EXPECT_EQ(image->width, 1224U);
   EXPECT_EQ(image->height, 1024U);
   EXPECT_EQ(image->encoding, "mono8");
-  std::ifstream file(stem + "_calib/small_scale_joint_camera_extrinsic_results.yaml");
+  std::ifstream file(Folder() + "/yaml/small_scale_joint_camera_extrinsic_results.yaml");
   const std::string text(std::istreambuf_iterator<char>(file), {});
   // 4 cm above the event camera, as published.
   EXPECT_NE(text.find("-0.0408197"), std::string::npos) << text;

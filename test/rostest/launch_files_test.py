@@ -4,6 +4,8 @@
 
 import glob
 import os
+import re
+import shlex
 import unittest
 import xml.etree.ElementTree
 
@@ -16,12 +18,20 @@ PACKAGE = rospkg.RosPack().get_path("devo")
 REQUIRED = {
     "replay.launch": ["bag:=/tmp/a.bag", "config:=%s/config/esim.yaml" % PACKAGE],
     "mvsec.launch": ["sequence:=indoor_flying1", "dir:=/tmp"],
-    "vector.launch": ["sequence:=desk-normal1", "dir:=/tmp"],
+    "vector.launch": ["sequence:=desk_normal1", "dir:=/tmp"],
     "live.launch": ["drivers:=false"],
     "simulation.launch": [],
     "devo.launch.xml": ["config:=%s/config/esim.yaml" % PACKAGE],
     "rviz.launch.xml": [],
 }
+
+
+def documented_commands(file, program):
+    """Arguments of each call of a program in the documentation's shell blocks."""
+    with open(os.path.join(PACKAGE, file)) as text:
+        blocks = re.findall(r"```sh\n(.*?)```", text.read(), re.DOTALL)
+    lines = "".join(blocks).replace("\\\n", " ").splitlines()
+    return [shlex.split(line)[3:] for line in lines if line.split()[1:3] == ["devo", program]]
 
 
 def launch_files():
@@ -63,6 +73,20 @@ class LaunchFilesTest(unittest.TestCase):
             with self.assertRaises(Exception):
                 roslaunch.config.load_config_default(
                     [(path, REQUIRED[name] + ["depth_source:=sonar"])], None, verbose=False)
+
+    def test_the_documented_commands_of_a_data_set_name_the_same_files_to_launch_and_offline(self):
+        for name in ("mvsec", "vector"):
+            launches = [c for file in ("README.md", "docs/datasets.md") for c in documented_commands(file, name + ".launch")]
+            offline = [c for c in documented_commands("docs/datasets.md", "devo_offline") if name + ".yaml" in " ".join(c)][0]
+            self.assertGreaterEqual(len(launches), 2)
+            calibration = [a for a in offline if a.startswith("calibration.path=")]
+            bags = {a for a in offline if a.endswith(".bag")}
+            for arguments in launches:
+                config = roslaunch.config.load_config_default(
+                    [(os.path.join(PACKAGE, "launch", name + ".launch"), arguments)], None, verbose=False)
+                self.assertEqual(config.params["/devo/surface/set"].value.split()[:1], calibration)
+                play = [node.args for node in config.nodes if node.name == "replay"][0]
+                self.assertEqual({word.strip("'") for word in play.split() if ".bag" in word}, bags)
 
     def test_vectors_imu_is_played_where_it_is_there(self):
         path = os.path.join(PACKAGE, "launch", "vector.launch")

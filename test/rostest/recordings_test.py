@@ -85,18 +85,18 @@ class RecordingsTest(unittest.TestCase):
     def test_mvsec_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~mvsec")
         bags = [os.path.join(folder, "indoor_flying1_%s.bag" % kind) for kind in ("data", "gt")]
-        calibration = os.path.join(folder, "indoor_flying_calib", "camchain-imucam-indoor_flying.yaml")
+        calibration = os.path.join(folder, "camchain-imucam-indoor_flying.yaml")
         self.check("mvsec", PACKAGE + "/config/mvsec.yaml", bags, "mvsec.launch",
                    ["sequence:=indoor_flying1", "dir:=" + folder],
                    ["calibration.path=" + calibration])
 
     def test_vector_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~vector")
-        bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind)
+        bags = [os.path.join(folder, "desk_normal1.synced.%s.bag" % kind)
                 for kind in ("left_event", "kinect_depth", "gt", "imu")]
-        calibration = os.path.join(folder, "desk-normal1_calib")
+        calibration = os.path.join(folder, "yaml")
         self.check("vector", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
-                   ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration],
+                   ["sequence:=desk_normal1", "dir:=" + folder],
                    ["calibration.path=" + calibration])
 
     def test_a_replay_faster_than_the_machine_loses_no_pose_and_ends_with_the_last_one(self):
@@ -124,7 +124,7 @@ class RecordingsTest(unittest.TestCase):
     def test_mvsec_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~mvsec")
         bags = [os.path.join(folder, "indoor_flying1_%s.bag" % kind) for kind in ("data", "gt")]
-        calibration = os.path.join(folder, "indoor_flying_calib", "camchain-imucam-indoor_flying.yaml")
+        calibration = os.path.join(folder, "camchain-imucam-indoor_flying.yaml")
         self.check("mvsec_lidar", PACKAGE + "/config/mvsec.yaml", bags, "mvsec.launch",
                    ["sequence:=indoor_flying1", "dir:=" + folder, "depth_source:=lidar"],
                    ["calibration.path=" + calibration, "topics.points=/velodyne_point_cloud"], floor_m=0.005)
@@ -133,11 +133,11 @@ class RecordingsTest(unittest.TestCase):
     # up to 3.6 beside two busy programs.
     def test_vector_with_depth_from_the_lidar_is_replayed_by_name_as_well_as_offline(self):
         folder = rospy.get_param("~vector")
-        bags = [os.path.join(folder, "desk-normal1.synced.%s.bag" % kind)
+        bags = [os.path.join(folder, "desk_normal1.synced.%s.bag" % kind)
                 for kind in ("left_event", "lidar", "gt", "imu")]
-        calibration = os.path.join(folder, "desk-normal1_calib")
+        calibration = os.path.join(folder, "yaml")
         self.check("vector_lidar", PACKAGE + "/config/vector.yaml", bags, "vector.launch",
-                   ["sequence:=desk-normal1", "dir:=" + folder, "calibration:=" + calibration, "depth_source:=lidar"],
+                   ["sequence:=desk_normal1", "dir:=" + folder, "depth_source:=lidar"],
                    ["calibration.path=" + calibration, "topics.points=/ouster/point_cloud"], floor_m=0.005)
 
     def test_the_sample_in_the_repository_is_replayed_as_well_as_offline(self):

@@ -76,9 +76,9 @@ TEST_F(LidarOffline, FollowsTheMotionInAHallThatIsTooLargeForADepthCamera) {
 
 TEST_F(LidarOffline, ReadsMvsecsCloudsWithoutTimesThroughItsOwnCalibration) {
   Simulate("--scene table --speed mid --dialect mvsec");
-  Trajectory(
-      "--config " DEVO_SOURCE_DIR "/config/mvsec.yaml --set topics.points=/velodyne_point_cloud calibration.path=" +
-      folder_ + "/sim_calib/camchain-imucam-sim.yaml --bag " + folder_ + "/sim_data.bag " + folder_ + "/sim_gt.bag");
+  Trajectory("--config " DEVO_SOURCE_DIR
+             "/config/mvsec.yaml --set topics.points=/velodyne_point_cloud calibration.path=" +
+             folder_ + "/camchain-imucam-sim.yaml --bag " + folder_ + "/sim_data.bag " + folder_ + "/sim_gt.bag");
   ExpectAte(0.03);
 }
 
@@ -87,7 +87,7 @@ TEST_F(LidarOffline, ReadsVectorsCloudsThroughItsOwnCalibration) {
   const std::string stem = folder_ + "/sim.synced.";
   Trajectory("--config " DEVO_SOURCE_DIR
              "/config/vector.yaml --set topics.points=/ouster/point_cloud calibration.path=" +
-             folder_ + "/sim_calib --bag " + stem + "left_event.bag " + stem + "lidar.bag " + stem + "gt.bag");
+             folder_ + "/yaml --bag " + stem + "left_event.bag " + stem + "lidar.bag " + stem + "gt.bag");
   ExpectAte(0.03);
 }
 

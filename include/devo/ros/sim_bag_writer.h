@@ -35,8 +35,8 @@ sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::
 enum class BagDialect {
   kPlain,   ///< this package's topics: NAME.bag, NAME.yaml (configuration), NAME_groundtruth.txt; with a LiDAR beside a
             ///< depth camera also NAME_lidar.yaml, with the LiDAR in its place
-  kMvsec,   ///< NAME_data.bag, NAME_gt.bag, NAME_calib/ as MVSEC's files
-  kVector,  ///< NAME.synced.<sensor>.bag (bz2, one topic each) and NAME_calib/ as VECtor's files
+  kMvsec,   ///< NAME_data.bag, NAME_gt.bag and calibration beside them, as MVSEC's files
+  kVector,  ///< NAME.synced.<sensor>.bag (bz2, one topic each) and yaml/ beside them, as VECtor's files
 };
 /// The sequence of MVSEC's right camera: a DAVIS346 of the same kind 10 cm to the right, with noise of its own.
 sim::SequenceOptions RightCameraOf(const sim::SequenceOptions& left);

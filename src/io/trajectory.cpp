@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <stdexcept>
@@ -88,6 +89,12 @@ void WriteTum(const std::string& path, const Trajectory& trajectory) {
   for (const StampedPose& pose : trajectory) file << TumLine(pose) << '\n';
   file.flush();
   if (!file) throw std::runtime_error("trajectory '" + path + "': cannot be written");
+}
+
+std::string WithEpoch(const std::string& path, std::uint64_t epoch) {
+  const std::filesystem::path file(path);
+  const std::string name = file.stem().string() + "_epoch" + std::to_string(epoch) + file.extension().string();
+  return (file.parent_path() / name).string();
 }
 
 void SortByTime(Trajectory* trajectory) {

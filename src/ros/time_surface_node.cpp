@@ -4,6 +4,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <utility>
 
 #include <sensor_msgs/Image.h>
@@ -31,6 +32,12 @@ constexpr int kMaxUnanswered = 3;
 constexpr double kTolerableOutside = 0.01;
 // A surface is due when the newest event is nearer to its time than this part of the period, and no other waits.
 constexpr std::int64_t kTickTolerance = 100;
+
+std::string Seconds(double seconds) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f s", seconds);
+  return text;
+}
 
 }  // namespace
 
@@ -68,24 +75,8 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
   services_.push_back(private_nh_.advertiseService("reset", &TimeSurfaceNode::OnReset, this));
   services_.push_back(private_nh_.advertiseService("pause", &TimeSurfaceNode::OnPause, this));
   rig_->Start();
-  events_ = std::make_unique<EventSource>(nh_, topic, queue_size, [this](EventMessage message) {
-    if (paused_) {
-      input_->ArrivedUnread();
-      return;
-    }
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      queued_events_ += message.num_events;
-      messages_.push_back(std::move(message));
-      while (queued_events_ > max_queued_events_ && messages_.size() > 1) {
-        queued_events_ -= messages_.front().num_events;
-        dropped_events_ += messages_.front().num_events;
-        messages_.pop_front();
-        messages_.front().after_loss = true;
-      }
-    }
-    worker_->Wake();
-  });
+  events_ = std::make_unique<EventSource>(nh_, topic, queue_size,
+                                          [this](EventMessage message) { OnEvents(std::move(message)); });
   // Last, since nothing may throw any more: it must go before its worker.
   pose_subscriber_ = worker_->HandleOf(nh_).subscribe<PoseEstimate>(
       topics::kTrackedPose, 8,
@@ -102,6 +93,28 @@ TimeSurfaceNode::~TimeSurfaceNode() {
   scene_depth_subscriber_.shutdown();
   services_.clear();
   worker_.reset();
+}
+
+void TimeSurfaceNode::OnEvents(EventMessage message) {
+  if (paused_) {
+    input_->ArrivedUnread();
+    return;
+  }
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    message.after_pause = std::exchange(pause_ended_, false);
+    queued_events_ += message.num_events;
+    messages_.push_back(std::move(message));
+    while (queued_events_ > max_queued_events_ && messages_.size() > 1) {
+      const bool after_pause = messages_.front().after_pause;
+      queued_events_ -= messages_.front().num_events;
+      dropped_events_ += messages_.front().num_events;
+      messages_.pop_front();
+      messages_.front().after_loss = true;
+      messages_.front().after_pause |= after_pause;
+    }
+  }
+  worker_->Wake();
 }
 
 void TimeSurfaceNode::OnRig(const ResolvedRig& rig) {
@@ -126,11 +139,11 @@ void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estima
   const std::lock_guard<std::mutex> lock(mutex_);
   if (estimate->epoch != epoch_) return;
   const bool had_pose = last_pose_ && last_pose_->state != TrackingState::kInitialising;
-  if (had_pose && estimate->state == TrackingState::kInitialising && !reset_requested_) {
-    ROS_WARN_STREAM(private_nh_.getNamespace() << ": tracking or mapping has been started again");
-    reset_requested_ = true;
+  if (had_pose && estimate->state == TrackingState::kInitialising && reset_because_.empty()) {
+    reset_because_ = "tracking or mapping has been started again";
   }
   last_pose_ = estimate;
+  if (estimate->state != TrackingState::kInitialising) ++poses_of_epoch_;
   while (!awaiting_pose_.empty() && awaiting_pose_.front().first <= estimate->t_ns) {
     if (awaiting_pose_.front().first == estimate->t_ns && estimate->state != TrackingState::kInitialising) {
       latency_ms_.Add(1e3 * (published - awaiting_pose_.front().second).toSec());
@@ -142,7 +155,7 @@ void TimeSurfaceNode::OnPose(const boost::shared_ptr<const PoseEstimate>& estima
 bool TimeSurfaceNode::OnReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    reset_requested_ = true;
+    reset_because_ = "a reset was asked for";
   }
   worker_->Wake();
   response.success = 1;
@@ -151,7 +164,11 @@ bool TimeSurfaceNode::OnReset(std_srvs::Trigger::Request&, std_srvs::Trigger::Re
 }
 
 bool TimeSurfaceNode::OnPause(std_srvs::SetBool::Request& request, std_srvs::SetBool::Response& response) {
-  paused_ = request.data;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (paused_ && !request.data) pause_ended_ = true;
+    paused_ = request.data;
+  }
   response.success = 1;
   response.message = paused_ ? "paused: events are not taken" : "running";
   return true;
@@ -192,7 +209,12 @@ bool TimeSurfaceNode::Step() {
 
 void TimeSurfaceNode::PrepareFor(Batch* batch) {
   const std::int64_t first_ns = batch->events[batch->next].t_ns;
-  if (std::exchange(batch->begins_epoch, false)) BeginEpoch();
+  const std::string why = std::exchange(batch->begins_epoch, {});
+  if (!why.empty()) BeginEpoch(why);
+  if (std::exchange(batch->after_pause, false) && next_tick_ns_ != 0) {
+    next_tick_ns_ = std::max(next_tick_ns_, TickAfter(first_ns));
+    builder_->OnLoss(first_ns);
+  }
   if (std::exchange(batch->after_loss, false) && next_tick_ns_ != 0) {
     SkipTo(TickAfter(first_ns));
     builder_->OnLoss(first_ns);
@@ -214,17 +236,17 @@ bool TimeSurfaceNode::UseTheWait() {
 }
 
 void TimeSurfaceNode::TakeRequests() {
-  bool reset = false;
+  std::string reset_because;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (new_builder_) builder_ = std::move(new_builder_);
-    std::swap(reset, reset_requested_);
+    std::swap(reset_because, reset_because_);
     if (builder_) counters_ = builder_->counters();
     if (builder_ && std::exchange(options_changed_, false)) builder_->SetOptions(config_.odometry.surface);
   }
-  if (!reset || !builder_) return;
+  if (reset_because.empty() || !builder_) return;
   DropBatches();
-  BeginEpoch();
+  BeginEpoch(reset_because);
 }
 
 void TimeSurfaceNode::TakeMessages() {
@@ -233,6 +255,7 @@ void TimeSurfaceNode::TakeMessages() {
     batch.arrival = message->arrival;
     batch.queued_as = message->num_events;
     batch.after_loss = message->after_loss;
+    resumed_ |= message->after_pause;
     batch.events = std::exchange(spare_, {});
     batch.events.clear();
     try {
@@ -271,12 +294,17 @@ void TimeSurfaceNode::Accept(Batch batch) {
   }
   CountDropped(DropStrayEvents(reset_after_gap_s_, &batch.events));
   const std::int64_t first_ns = batch.events.front().t_ns, last_ns = batch.events.back().t_ns;
+  batch.after_pause = std::exchange(resumed_, false);
   if (newest_event_ns_ != 0) {
     // The whole message must be older: single events that are, the builder leaves out.
-    batch.begins_epoch = SecondsFromNs(last_ns - newest_event_ns_) < -kBackwards_s ||
-                         SecondsFromNs(first_ns - newest_event_ns_) > reset_after_gap_s_;
+    const double ahead_s = SecondsFromNs(last_ns - newest_event_ns_);
+    const double gap_s = batch.after_pause ? 0 : SecondsFromNs(first_ns - newest_event_ns_);
+    if (ahead_s < -kBackwards_s) batch.begins_epoch = "the events' time went back by " + Seconds(-ahead_s);
+    if (gap_s > reset_after_gap_s_) {
+      batch.begins_epoch = "no events came for " + Seconds(gap_s) + ", longer than reset_after_gap_s";
+    }
   }
-  newest_event_ns_ = batch.begins_epoch ? last_ns : std::max(newest_event_ns_, last_ns);
+  newest_event_ns_ = batch.begins_epoch.empty() ? std::max(newest_event_ns_, last_ns) : last_ns;
   input_->Arrived(first_ns);
   batches_.push_back(std::move(batch));
 }
@@ -315,7 +343,7 @@ void TimeSurfaceNode::CountDropped(std::size_t events) {
   dropped_events_ += events;
 }
 
-void TimeSurfaceNode::BeginEpoch() {
+void TimeSurfaceNode::BeginEpoch(const std::string& why) {
   builder_->Reset();
   next_tick_ns_ = 0;
   last_surface_ns_ = 0;
@@ -326,7 +354,14 @@ void TimeSurfaceNode::BeginEpoch() {
   last_pose_.reset();
   scene_depth_.reset();
   awaiting_pose_.clear();
-  ROS_INFO_STREAM(private_nh_.getNamespace() << ": epoch " << epoch_ << " begins");
+  const std::string begins = private_nh_.getNamespace() + ": epoch " + std::to_string(epoch_) + " begins, since " + why;
+  const std::uint64_t poses = std::exchange(poses_of_epoch_, 0);
+  if (poses > 0) {
+    ROS_WARN_STREAM(begins << ": " << poses
+                           << " poses, their path and their map are forgotten (save_at_shutdown keeps the poses)");
+  } else {
+    ROS_INFO_STREAM(begins);
+  }
 }
 
 std::int64_t TimeSurfaceNode::TickAfter(std::int64_t t_ns) const { return (t_ns / period_ns_ + 1) * period_ns_; }
@@ -342,7 +377,7 @@ bool TimeSurfaceNode::SkipWhenBehind() {
   // Only this epoch's events count: those of the next have times of their own.
   std::int64_t newest_ns = next_tick_ns_;
   for (const Batch& batch : batches_) {
-    if (batch.begins_epoch) break;
+    if (!batch.begins_epoch.empty() || batch.after_pause) break;
     newest_ns = std::max(newest_ns, batch.events.back().t_ns);
   }
   const std::int64_t backlog_ns = newest_ns - next_tick_ns_;

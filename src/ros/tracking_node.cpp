@@ -180,8 +180,7 @@ bool TrackingNode::Step() {
     if (epoch_ && *epoch_ != surface->epoch) {
       publisher_->Clear();
       if (ground_truth_) ground_truth_->Clear();
-      const std::lock_guard<std::mutex> lock(mutex_);
-      trajectory_.Clear();
+      EndTrajectory(*epoch_);
     }
     epoch_ = surface->epoch;
     const ros::WallTime begin = ros::WallTime::now();
@@ -256,6 +255,25 @@ void TrackingNode::DrawReprojection(const Surface& surface, const PoseEstimate& 
   const cv::Mat3b picture =
       RenderReprojection(surface, *map_, pose.T_world_event.inverse() * map_->T_world_ref, *camera_);
   reprojection_publisher_.publish(ToImageMsg(picture, surface.t_ns, publisher_->frames().child_frame));
+}
+
+void TrackingNode::EndTrajectory(std::uint64_t epoch) {
+  Trajectory trajectory;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (save_at_shutdown_) trajectory = trajectory_.Poses();
+    trajectory_.Clear();
+  }
+  if (trajectory.empty()) return;
+  const std::string file = WithEpoch(trajectory_file_, epoch);
+  try {
+    WriteTum(file, trajectory);
+    ROS_INFO_STREAM(private_nh_.getNamespace()
+                    << ": " << trajectory.size() << " poses of epoch " << epoch << " written to " << file);
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM(private_nh_.getNamespace()
+                     << ": " << trajectory.size() << " poses of epoch " << epoch << " are lost: " << error.what());
+  }
 }
 
 std::string TrackingNode::SaveTrajectory() {

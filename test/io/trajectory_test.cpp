@@ -73,6 +73,11 @@ TEST(TumLine, IsTheSameForBothSignsOfAQuaternion) {
   EXPECT_EQ(TumLine({5, T}), TumLine({5, Rigid3(negative, T.translation())}));
 }
 
+TEST(WithEpoch, GivesAFileBesideTheTrajectorys) {
+  EXPECT_EQ(WithEpoch("/a.b/trajectory.txt", 2), "/a.b/trajectory_epoch2.txt");
+  EXPECT_EQ(WithEpoch("trajectory", 10), "trajectory_epoch10");
+}
+
 TEST(PoseAt, LiesOnTheScrewMotionBetweenTheNeighbours) {
   const Trajectory trajectory = {{0, AnyPose(0)}, {100, AnyPose(1)}};
   const auto middle = PoseAt(trajectory, 25, 100);

@@ -12,14 +12,16 @@ import unittest
 import xmlrpc.client
 
 import rosgraph
+import rospkg
 import rospy
 import rostest
 from nav_msgs.msg import Path
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from devo_testing import Record  # noqa: E402
+from devo_testing import Record, stamps_of  # noqa: E402
 
 # So long that the rest of a start, or of another program, does not pass for the nodelets'.
 IDLE_S = 20
@@ -51,7 +53,8 @@ class LifecycleTest(unittest.TestCase):
         rospy.init_node("lifecycle_test")
         cls.bag = rospy.get_param("~bag")
         cls.record = Record()
-        cls.players = []
+        cls.players, cls.log = [], []
+        cls.log_subscriber = rospy.Subscriber("/rosout", Log, cls.log.append)
 
     @classmethod
     def tearDownClass(cls):
@@ -107,6 +110,18 @@ class LifecycleTest(unittest.TestCase):
         for part in (first, small_gap, backwards):
             self.assertEqual(part[-1].state_name, "tracking")
 
+    def test_2b_the_poses_of_an_epoch_that_ends_are_written_and_their_number_and_the_reason_are_named(self):
+        first = min(s.epoch for s in self.record.status)
+        tracked = [s.header.stamp.to_sec() for s in self.record.status
+                   if s.epoch == first and s.state_name != "initialising"]
+        stamps = stamps_of(os.path.join(rospkg.get_ros_home(), "lifecycle_epoch%d.txt" % first))
+        self.assertGreater(len(stamps), 50)
+        self.assertEqual(len(stamps), len(tracked))
+        self.assertAlmostEqual(stamps[-1], tracked[-1], places=6)
+        warnings = [m.msg for m in self.log if m.level == Log.WARN]
+        words = ("epoch %d begins, since no events came for" % (first + 1), " %d poses" % len(tracked))
+        self.assertTrue(any(all(word in w for word in words) for w in warnings), (words, warnings))
+
     def test_3_a_silence_is_named_after_the_bag_has_stopped(self):
         def sentence():
             message = self.record.diagnostic("surface: inputs")["message"]
@@ -133,6 +148,25 @@ class LifecycleTest(unittest.TestCase):
             message = rospy.wait_for_message(topic, kind, 10)
             self.assertEqual(message.header.frame_id, "odom")
             self.assertGreater(len(message.poses) if kind is Path else message.width, 4)
+
+    def test_4b_a_pause_longer_than_the_gap_that_begins_an_epoch_begins_none(self):
+        pause = rospy.ServiceProxy("/devo/surface/pause", SetBool)
+        player = self.start("--rate", "0.25")
+        try:
+            self.await_tracking(len(self.record.status))
+            self.assertTrue(pause(True).success)
+            time.sleep(0.5)
+            before = self.record.status[-1]
+            time.sleep(2.5)
+            self.assertEqual(self.record.status[-1].header.stamp, before.header.stamp)
+            self.assertTrue(pause(False).success)
+            self.assertTrue(await_true(lambda: self.record.status[-1].header.stamp > before.header.stamp))
+            after = self.record.status[-1]
+            self.assertGreater((after.header.stamp - before.header.stamp).to_sec(), 0.5)
+            self.assertEqual(after.epoch, before.epoch)
+            self.assertNotEqual(after.state_name, "initialising")
+        finally:
+            self.stop(player)
 
     def test_5_a_manager_that_dies_comes_back_and_tracks_a_bag_that_plays_already(self):
         self.start("--loop")

@@ -31,6 +31,9 @@ Trajectory ReadTum(const std::string& path);
 /// Throws std::runtime_error naming the file when it cannot be written.
 void WriteTum(const std::string& path, const Trajectory& trajectory);
 
+/// The file beside `path` for an epoch that is over before the run is: a/name.txt -> a/name_epoch2.txt.
+std::string WithEpoch(const std::string& path, std::uint64_t epoch);
+
 /// Sorts by time and drops repeated stamps (the first stays).
 void SortByTime(Trajectory* trajectory);
 

@@ -23,7 +23,8 @@ struct EventMessage {
   /// an encoding that is not known.
   std::function<void(EventPacketConverter* packets, std::vector<Event>* events)> append;
   ros::WallTime arrival;
-  bool after_loss = false;  ///< messages before it were dropped
+  bool after_loss = false;   ///< messages before it were dropped
+  bool after_pause = false;  ///< messages before it were not wanted
 };
 
 /// Subscribes in the C++ type of the topic's publisher, as its first message names it, so that within one process the

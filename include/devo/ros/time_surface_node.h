@@ -33,7 +33,7 @@ namespace devo {
 /// messages are dropped undecoded: both are counted, never the newest.
 ///
 /// Owns the epoch: time going backwards, a gap of `reset_after_gap_s` or the service ~reset begin a new one, which
-/// every surface carries to the other modules.
+/// every surface carries to the other modules. What passes while ~pause holds is no gap.
 class TimeSurfaceNode {
  public:
   /// Throws std::invalid_argument naming the parameter or yaml key that is wrong, before anything is subscribed.
@@ -46,11 +46,13 @@ class TimeSurfaceNode {
     std::size_t next = 0;       // first event that is not inserted yet
     std::size_t queued_as = 0;  // events, in queued_events_
     bool after_loss = false;    // of messages before it
-    bool begins_epoch = false;
+    bool after_pause = false;
+    std::string begins_epoch;  // why; empty: it does not
     ros::WallTime arrival;
   };
 
   // Callbacks.
+  void OnEvents(EventMessage message);
   void OnRig(const ResolvedRig& rig);
   void OnOptions(const OdometryOptions& options);
   bool OnReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -75,7 +77,7 @@ class TimeSurfaceNode {
   void CountDropped(std::size_t events);
   /// To the system, what queues took that are empty now: the allocator would keep it.
   void ReturnMemory();
-  void BeginEpoch();
+  void BeginEpoch(const std::string& why);
   std::int64_t TickAfter(std::int64_t t_ns) const;
   void SkipTo(std::int64_t tick_ns);  ///< counts the surfaces in between
   bool SkipWhenBehind();
@@ -100,13 +102,15 @@ class TimeSurfaceNode {
   Quantiles latency_ms_, render_ms_;
   SurfaceCounters counters_;
   std::uint64_t epoch_ = 0, surfaces_ = 0, skipped_ = 0;
+  std::uint64_t poses_of_epoch_ = 0;
   RateMeter surface_rate_;
   double event_rate_hz_ = 0;
-  std::string event_frame_;  // set once, before the worker gets its builder
-  bool reset_requested_ = false;
+  std::string event_frame_;       // set once, before the worker gets its builder
+  std::string reset_because_;     // empty: no reset is asked for
   bool options_changed_ = false;  // in config_.odometry, until the worker's builder has them
   Failures failures_;
   std::atomic<bool> paused_{false};
+  bool pause_ended_ = false;  // since the last message that was taken
 
   // The worker's own.
   std::unique_ptr<SurfaceBuilder> builder_;
@@ -116,6 +120,7 @@ class TimeSurfaceNode {
   std::vector<Event> spare_;        // memory for the next batch
   boost::shared_ptr<const PoseEstimate> last_pose_;
   std::int64_t newest_event_ns_ = 0;
+  bool resumed_ = false;              // the next events follow on a pause
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event
   std::int64_t next_tick_ns_ = 0;     // 0: not set
   std::int64_t last_surface_ns_ = 0;  // 0: none in this epoch

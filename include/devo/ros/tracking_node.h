@@ -59,6 +59,8 @@ class TrackingNode {
 
   // On the worker's thread.
   bool Step();
+  /// Forgets the poses of an epoch that is over; where `save_at_shutdown` wants them, they are written before.
+  void EndTrajectory(std::uint64_t epoch);
   void TakeMap(const boost::shared_ptr<const LocalMap>& map);
   void Answer(const Surface& surface, const std::optional<PoseEstimate>& pose, double tracking_ms);
   void DrawReprojection(const Surface& surface, const PoseEstimate& pose);

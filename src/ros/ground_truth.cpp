@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/ros/ground_truth.h"
 
+#include <algorithm>
+
 #include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
@@ -12,7 +14,9 @@
 namespace devo {
 namespace {
 
-constexpr double kPeriod_s = 0.1;
+// The whole path is written each time, on the tracking's thread.
+constexpr double kPeriod_s = 0.1, kPeriodUnwatched_s = 1;
+constexpr std::size_t kMaxRecent = 20000;
 constexpr double kBackwards_s = 0.1;
 
 Rigid3 PoseOf(const geometry_msgs::PoseStamped& message) { return FromPoseMsg(message.pose); }
@@ -21,9 +25,10 @@ Rigid3 PoseOf(const geometry_msgs::TransformStamped& message) { return FromTrans
 
 }  // namespace
 
-GroundTruth::GroundTruth(const ros::NodeHandle& nh, const std::string& topic, const Rigid3& T_body_event)
-    : nh_(nh), topic_(nh.resolveName(topic)), T_body_event_(T_body_event),
-      publisher_(nh_.advertise<nav_msgs::Path>(topics::kGroundTruthPath, 1, true)),
+GroundTruth::GroundTruth(const ros::NodeHandle& nh, const std::string& topic, const Rigid3& T_body_event,
+                         const Options& options)
+    : nh_(nh), topic_(nh.resolveName(topic)), T_body_event_(T_body_event), poses_(options.max_poses),
+      path_(options.path_min_distance_m), publisher_(nh_.advertise<nav_msgs::Path>(topics::kGroundTruthPath, 1, true)),
       probe_(nh_, topic_, [this](const topic_tools::ShapeShifter& first) { return Subscribe(first.getDataType()); }) {}
 
 bool GroundTruth::Subscribe(const std::string& type) {
@@ -56,48 +61,57 @@ void GroundTruth::SubscribeTo() {
 
 void GroundTruth::Add(std::int64_t t_ns, const Rigid3& T_world_body) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (!poses_.empty()) {
-    if (SecondsFromNs(t_ns - poses_.back().t_ns) < -kBackwards_s) {
-      poses_.clear();
+  if (!recent_.empty()) {
+    if (SecondsFromNs(t_ns - recent_.back().t_ns) < -kBackwards_s) {
+      poses_.Clear();
+      recent_.clear();
+      path_.Clear();
       drawn_ = 0;
-    } else if (t_ns <= poses_.back().t_ns) {
+    } else if (t_ns <= recent_.back().t_ns) {
       return;
     }
   }
-  poses_.push_back({t_ns, T_world_body * T_body_event_});
+  recent_.push_back({t_ns, T_world_body * T_body_event_});
+  poses_.Add(recent_.back());
+  if (recent_.size() <= kMaxRecent) return;
+  recent_.erase(recent_.begin(), recent_.begin() + static_cast<std::ptrdiff_t>(kMaxRecent / 2));
+  drawn_ -= std::min(drawn_, kMaxRecent / 2);
 }
 
 Trajectory GroundTruth::poses() const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return poses_;
+  return poses_.Poses();
 }
 
 void GroundTruth::PublishPath(std::int64_t t_ns, const Rigid3& T_odom_event, const std::string& odom_frame) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (std::abs(t_ns - published_ns_) < NsFromSeconds(kPeriod_s)) return;
-  published_ns_ = t_ns;
+  const double period_s = publisher_.getNumSubscribers() > 0 ? kPeriod_s : kPeriodUnwatched_s;
+  if (std::abs(t_ns - published_ns_) < NsFromSeconds(period_s)) return;
   if (!T_odom_world_) {
-    const auto T_world_event = PoseAt(poses_, t_ns, NsFromSeconds(0.2));
+    const auto T_world_event = PoseAt(recent_, t_ns, NsFromSeconds(0.2));
     if (!T_world_event) return;
     T_odom_world_ = T_odom_event * T_world_event->inverse();
   }
-  if (drawn_ == 0) path_.poses.clear();
-  for (; drawn_ < poses_.size(); ++drawn_) {
-    geometry_msgs::PoseStamped pose;
-    pose.header.frame_id = odom_frame;
-    pose.header.stamp = ToRosTime(poses_[drawn_].t_ns);
-    if (!path_.poses.empty() && (pose.header.stamp - path_.poses.back().header.stamp).toSec() < 0.05) continue;
-    pose.pose = ToPoseMsg(*T_odom_world_ * poses_[drawn_].T_world_body);
-    path_.poses.push_back(pose);
+  if (!DrawRecent(odom_frame)) return;
+  published_ns_ = t_ns;
+  publisher_.publish(path_.message());
+}
+
+bool GroundTruth::DrawRecent(const std::string& odom_frame) {
+  bool longer = false;
+  std_msgs::Header header;
+  header.frame_id = odom_frame;
+  for (; drawn_ < recent_.size(); ++drawn_) {
+    header.stamp = ToRosTime(recent_[drawn_].t_ns);
+    longer |= path_.Extend(header, *T_odom_world_ * recent_[drawn_].T_world_body);
   }
-  path_.header.frame_id = odom_frame;
-  path_.header.stamp = ToRosTime(t_ns);
-  publisher_.publish(path_);
+  return longer;
 }
 
 void GroundTruth::Clear() {
   const std::lock_guard<std::mutex> lock(mutex_);
   T_odom_world_.reset();
+  path_.Clear();
   drawn_ = 0;
   published_ns_ = 0;
 }

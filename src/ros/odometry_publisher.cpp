@@ -10,8 +10,6 @@
 namespace devo {
 namespace {
 
-constexpr double kPathMinAngle_rad = 0.02;
-constexpr std::size_t kMaxPathPoses = 8000;
 constexpr double kPathPeriod_s = 0.1;
 // What a pose that is only a guess claims to know (variances, m^2 and rad^2).
 constexpr double kLostVariance_m2 = 1e6, kLostVariance_rad2 = 10;
@@ -31,9 +29,7 @@ OdometryPublisher::OdometryPublisher(ros::NodeHandle nh, const OdometryFrames& f
     : frames_(frames), options_(options), odometry_(nh.advertise<nav_msgs::Odometry>(topics::kOdometry, 50)),
       pose_(nh.advertise<geometry_msgs::PoseStamped>(topics::kPose, 50)),
       path_publisher_(nh.advertise<nav_msgs::Path>(topics::kPath, 1, true)),
-      status_(nh.advertise<Status>(topics::kStatus, 50)) {
-  path_.header.frame_id = frames_.odom_frame;
-}
+      status_(nh.advertise<Status>(topics::kStatus, 50)), path_(options.path_min_distance_m) {}
 
 void OdometryPublisher::Publish(const PoseEstimate& estimate) {
   const nav_msgs::Odometry odometry =
@@ -63,31 +59,15 @@ void OdometryPublisher::BroadcastTransform(const nav_msgs::Odometry& odometry) {
 }
 
 void OdometryPublisher::ExtendPath(const nav_msgs::Odometry& odometry) {
-  const Rigid3 T = FromPoseMsg(odometry.pose.pose);
-  if (T_odom_last_) {
-    const Rigid3 step = T_odom_last_->inverse() * T;
-    if (step.translation().norm() < options_.path_min_distance_m && RotationAngle(step) < kPathMinAngle_rad) return;
-  }
-  T_odom_last_ = T;
-  geometry_msgs::PoseStamped pose;
-  pose.header = odometry.header;
-  pose.pose = odometry.pose.pose;
-  path_.header.stamp = odometry.header.stamp;
-  path_.poses.push_back(pose);
-  if (path_.poses.size() > kMaxPathPoses) {
-    // A long way keeps its shape with every second pose.
-    for (std::size_t i = 0; 2 * i < path_.poses.size(); ++i) path_.poses[i] = path_.poses[2 * i];
-    path_.poses.resize((path_.poses.size() + 1) / 2);
-  }
+  if (!path_.Extend(odometry.header, FromPoseMsg(odometry.pose.pose))) return;
   const std::int64_t t_ns = FromRosTime(odometry.header.stamp);
   if (std::abs(t_ns - path_published_ns_) < NsFromSeconds(kPathPeriod_s)) return;
   path_published_ns_ = t_ns;
-  path_publisher_.publish(path_);
+  path_publisher_.publish(path_.message());
 }
 
 void OdometryPublisher::Clear() {
-  path_.poses.clear();
-  T_odom_last_.reset();
+  path_.Clear();
   path_published_ns_ = 0;
 }
 

@@ -33,8 +33,8 @@ int LevelOf(TrackingState state) {
 
 TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
     : nh_(nh), private_nh_(private_nh), config_(ReadRigConfig(private_nh)),
-      trajectory_(static_cast<std::size_t>(ReadInt(private_nh, "trajectory_max_poses", 1'440'000, 1, 100'000'000))),
-      health_(nh, private_nh), image_transport_(nh) {
+      max_poses_(static_cast<std::size_t>(ReadInt(private_nh, "trajectory_max_poses", 1'440'000, 1, 100'000'000))),
+      trajectory_(max_poses_), health_(nh, private_nh), image_transport_(nh) {
   frames_.odom = ReadString(private_nh, "odom_frame", "odom");
   frames_.event = ReadString(private_nh, "event_frame", "");
   frames_.base = ReadString(private_nh, "base_frame", "");
@@ -76,8 +76,9 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   worker_ = std::make_unique<Worker>(Worker::Urgency::kUrgent, [this] { return Step(); });
 
   if (!config_.topics.ground_truth.empty()) {
-    ground_truth_ =
-        std::make_unique<GroundTruth>(nh_, config_.topics.ground_truth, config_.T_body_event.value_or(Rigid3()));
+    const GroundTruth::Options options{max_poses_, output_.path_min_distance_m};
+    ground_truth_ = std::make_unique<GroundTruth>(nh_, config_.topics.ground_truth,
+                                                  config_.T_body_event.value_or(Rigid3()), options);
   }
   map_subscriber_ = nh_.subscribe<LocalMap>(topics::kSemiDenseMap, 4,
                                             boost::function<void(const boost::shared_ptr<const LocalMap>&)>(

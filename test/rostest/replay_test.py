@@ -12,6 +12,7 @@ import unittest
 import rospy
 import rostest
 from dynamic_reconfigure.client import Client
+from nav_msgs.msg import Path
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import SetBool, Trigger
 
@@ -126,6 +127,22 @@ class ReplayTest(unittest.TestCase):
             tracking["IMU samples accepted"], tracking["IMU samples without a transform"]))
         self.assertGreater(int(tracking["IMU samples accepted"]), 100)
         self.assertEqual(int(tracking["IMU samples without a transform"]), 0)
+
+    def test_the_path_of_ground_truth_has_no_poses_of_rest(self):
+        paths = []
+        subscriber = rospy.Subscriber("/devo/ground_truth_path", Path, paths.append)
+        deadline = time.time() + 15  # a bag that has just begun anew has a short one
+        while not any(len(path.poses) > 10 for path in list(paths)) and time.time() < deadline:
+            time.sleep(0.05)
+        subscriber.unregister()
+        poses = max((path.poses for path in paths), key=len, default=[])
+        self.assertGreater(len(poses), 10)
+        for a, b in zip(poses, poses[1:]):
+            p, q = a.pose.position, b.pose.position
+            moved = math.dist((p.x, p.y, p.z), (q.x, q.y, q.z))
+            r, s = a.pose.orientation, b.pose.orientation
+            turned = 2 * math.acos(min(1, abs(r.x * s.x + r.y * s.y + r.z * s.z + r.w * s.w)))
+            self.assertTrue(moved >= 0.0099 or turned >= 0.0199, (moved, turned))
 
     def test_services_save_what_was_made(self):
         self.assertTrue(self.saved.success, self.saved.message)

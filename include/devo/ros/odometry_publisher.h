@@ -4,9 +4,8 @@
 #pragma once
 
 #include <deque>
-#include <optional>
 
-#include <nav_msgs/Path.h>
+#include <nav_msgs/Odometry.h>
 #include <ros/node_handle.h>
 #include <tf2_ros/transform_broadcaster.h>
 
@@ -14,6 +13,7 @@
 #include "devo/core/surface.h"
 #include "devo/io/trajectory.h"
 #include "devo/ros/conversions.h"
+#include "devo/ros/drawn_path.h"
 
 namespace devo {
 
@@ -45,8 +45,7 @@ class OdometryPublisher {
   Options options_;
   ros::Publisher odometry_, pose_, path_publisher_, status_;
   tf2_ros::TransformBroadcaster broadcaster_;
-  nav_msgs::Path path_;
-  std::optional<Rigid3> T_odom_last_;  // last pose of the path
+  DrawnPath path_;
   std::int64_t path_published_ns_ = 0;
 };
 

@@ -71,7 +71,7 @@ class TrackingNode {
   OdometryPublisher::Options output_;
   std::string trajectory_file_;
   bool save_at_shutdown_;
-  std::size_t surface_queue_size_;
+  std::size_t surface_queue_size_, max_poses_;
 
   std::mutex mutex_;
   std::deque<SurfaceConstPtr> surfaces_;

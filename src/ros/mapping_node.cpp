@@ -10,6 +10,7 @@
 #include "devo/core/time.h"
 #include "devo/io/point_cloud_file.h"
 #include "devo/ros/conversions.h"
+#include "devo/ros/depth_clock.h"
 #include "devo/ros/message_conversion.h"
 #include "devo/ros/parameters.h"
 #include "devo/ros/rendering.h"
@@ -22,8 +23,6 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kBackwards_s = 0.1;
-// Depth this much older or newer than the surfaces is not of their time; it may be when they get there.
-constexpr double kDepthAge_s = 2, kDepthAhead_s = 1;
 constexpr std::size_t kMaxWaitingSurfaces = 32;
 // Depth is compared with the events twice per second; the figures are of the last ten seconds of motion.
 constexpr double kJudgePeriod_s = 0.5;
@@ -178,8 +177,7 @@ std::deque<MappingNode::DepthMessage> MappingNode::TakeDepth() {
   std::deque<DepthMessage> taken, waiting;
   if (depth_awaits_epoch_) return taken;
   for (DepthMessage& message : depths_) {
-    const double ahead_s = SecondsFromNs(message.t_ns - surface_ns_);
-    (ahead_s > -kDepthAge_s && ahead_s < kDepthAhead_s ? taken : waiting).push_back(std::move(message));
+    (IsOfTheirTime(message.t_ns, surface_ns_) ? taken : waiting).push_back(std::move(message));
   }
   depths_.swap(waiting);
   return taken;
@@ -376,6 +374,11 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
     status.summary(DiagnosticStatus::WARN, "no reference yet");
   } else {
     status.summary(DiagnosticStatus::OK, "mapping");
+  }
+  // Of what comes now: depth goes on while events are paused, or have ended.
+  if (surface_ns_ != 0 && last_depth_ns_ != 0 && !surface_input_->IsSilent() && !depth_input_->IsSilent()) {
+    const std::string complaint = ComplaintOfDepthClock(last_depth_ns_, surface_ns_);
+    if (!complaint.empty()) status.mergeSummary(DiagnosticStatus::WARN, complaint);
   }
   SilhouetteFit fit;
   for (const SilhouetteFit& one : alignment_) fit += one;

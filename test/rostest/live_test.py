@@ -14,6 +14,7 @@ import numpy
 import rospy
 import rostest
 import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from devo_testing import Record, evaluate, write_tum  # noqa: E402
@@ -132,6 +133,13 @@ class LiveTest(unittest.TestCase):
         messages = [d["message"] for d in record.diagnostics_named(": tracking")]
         self.assertTrue(any("IMU samples come" in m and "imu_time_offset_s" in m for m in messages), messages)
         self.assertLess(self.error_of("late_imu", record.odometry, shift_ns, [0, 0, 0, 0, 0, 0, 1]), 0.012)
+
+    def test_depth_of_another_clock_is_named_with_how_far_it_is_off(self):
+        record, _ = self.try_live("prophesee", [], "depth_time_offset_s=7", "")
+        mapping = record.diagnostics_named(": mapping")
+        self.assertTrue(any("s ahead of the events" in d["message"] and "depth_time_offset_s" in d["message"] and
+                            d["level"] == DiagnosticStatus.WARN for d in mapping), [d["message"] for d in mapping])
+        self.assertEqual(len(record.odometry), 0)
 
     def test_metavision_driver_and_kinect_give_the_odometry_of_the_event_camera_without_tf_if_it_is_not_wanted(self):
         record, shift_ns = self.run_live("metavision", ["publish_tf:=false"],

@@ -48,10 +48,12 @@ TimeSurfaceNode::TimeSurfaceNode(const ros::NodeHandle& nh, const ros::NodeHandl
       max_queued_events_(1000 * static_cast<std::size_t>(ReadInt(private_nh, "max_queued_kevents", 2000, 10, 1000000))),
       period_ns_(NsFromSeconds(1 / config_.odometry.surface.rate_hz)), health_(nh, private_nh), image_transport_(nh) {
   const int queue_size = ReadInt(private_nh, "event_queue_size", 1000, 1, 1000000);
+  const std::string event_frame = ReadString(private_nh, "event_frame", "");
   RefuseUnknown(private_nh,
-                WithTunables(Module::kSurface, {"config", "set", "max_backlog_s", "reset_after_gap_s",
+                WithTunables(Module::kSurface, {"config", "set", "event_frame", "max_backlog_s", "reset_after_gap_s",
                                                 "max_queued_kevents", "event_queue_size", "diagnostic_period"}));
   config_.odometry = ReadTunables(private_nh, Module::kSurface, config_.odometry);
+  if (!event_frame.empty()) config_.frames.event = event_frame;
   const std::string topic = InputTopic(nh_, "events", config_.topics.events);
   if (topic.empty()) throw std::invalid_argument("topics.events is empty; expected the topic of the events");
 

@@ -125,6 +125,7 @@ void TrackingNode::OnRig(const ResolvedRig& rig) {
     new_tracker_ = std::make_unique<Tracker>(rig.rig.event_camera, config_.odometry);
     new_publisher_ = std::make_unique<OdometryPublisher>(nh_, frames, output_);
     camera_ = rig.rig.event_camera.Undistorted();
+    event_frame_ = rig.event_frame;
   }
   worker_->Wake();
 }
@@ -255,7 +256,7 @@ void TrackingNode::DrawReprojection(const Surface& surface, const PoseEstimate& 
   if (!map_ || map_->epoch != surface.epoch) return;
   const cv::Mat3b picture =
       RenderReprojection(surface, *map_, pose.T_world_event.inverse() * map_->T_world_ref, *camera_);
-  reprojection_publisher_.publish(ToImageMsg(picture, surface.t_ns, publisher_->frames().child_frame));
+  reprojection_publisher_.publish(ToImageMsg(picture, surface.t_ns, event_frame_));
 }
 
 void TrackingNode::EndTrajectory(std::uint64_t epoch) {

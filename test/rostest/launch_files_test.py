@@ -107,6 +107,13 @@ class LaunchFilesTest(unittest.TestCase):
         play = [node for node in self.load(path).nodes if node.name == "replay"][0]
         self.assertIn("/tmp/indoor_flying1_data.bag /tmp/indoor_flying1_gt.bag", play.args)
 
+    def test_the_event_cameras_frame_reaches_all_nodelets(self):
+        path = PACKAGE + "/launch/includes/devo.launch.xml"
+        config = roslaunch.config.load_config_default(
+            [(path, REQUIRED["devo.launch.xml"] + ["event_frame:=optical"])], None, verbose=False)
+        for nodelet in ("surface", "tracking", "mapping"):
+            self.assertEqual(config.params["/devo/%s/event_frame" % nodelet].value, "optical")
+
     def test_live_odometry_begins_with_z_up_of_the_camera_and_of_the_base(self):
         for base, expected in (("", "0 0 0 -0.5 0.5 -0.5 0.5"), ("base_link", "0 0 0 0 0 0 1")):
             config = roslaunch.config.load_config_default(

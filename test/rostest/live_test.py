@@ -15,6 +15,7 @@ import rospy
 import rostest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import Image
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from devo_testing import Record, evaluate, write_tum  # noqa: E402
@@ -79,6 +80,8 @@ class LiveTest(unittest.TestCase):
         sensors = LiveSensors(self.bag, self.config, driver, **of_sensors)
         sensors.publish_static(T_BASE_EVENT, connect_depth=not extrinsics)
         record = Record()
+        record.images = []
+        images = rospy.Subscriber("/devo/reprojection/image", Image, record.images.append)
         path = subprocess.check_output(["rospack", "find", "devo"], universal_newlines=True).strip()
         configs = [path + "/config/prophesee_kinect.yaml", self.calibration] + ([extrinsics] if extrinsics else [])
         command = ["roslaunch", "devo", "live.launch", "drivers:=false", "rviz:=false", "respawn:=false",
@@ -97,6 +100,7 @@ class LiveTest(unittest.TestCase):
             launched.send_signal(signal.SIGINT)
             launched.wait()
             record.close()
+            images.unregister()
         return record, shift_ns
 
     def error_of(self, name, odometries, shift_ns, T_child_event):
@@ -115,6 +119,7 @@ class LiveTest(unittest.TestCase):
         record, shift_ns = self.run_live("prophesee", ["base_frame:=base_link", "invert_tf:=true", "initial_pose:=%s"
                                                        % " ".join(str(v) for v in INITIAL_POSE)])
         self.assertEqual({o.child_frame_id for o in record.odometry}, {"base_link"})
+        self.assertEqual({i.header.frame_id for i in record.images}, {"PropheseeCamera_optical_frame"})
         first = record.odometry[0].pose.pose
         self.assertLess(numpy.abs(numpy.array(pose_of(first.position, first.orientation)) - INITIAL_POSE).max(), 0.05)
         of_odometry = {o.header.stamp: o.pose.pose for o in record.odometry}

@@ -81,6 +81,7 @@ class TrackingNode {
   std::unique_ptr<OdometryPublisher> new_publisher_;
   bool options_changed_ = false;  // in config_.odometry, until the worker's tracker has them
   std::optional<Camera> camera_;  // undistorted event camera
+  std::string event_frame_;       // its frame, whatever body the odometry is of
   TrajectoryLog trajectory_;      // of the event camera in the odometry's frame
   PoseEstimate last_;
   std::uint64_t tracked_ = 0, dropped_ = 0, untracked_ = 0, forgotten_ = 0;

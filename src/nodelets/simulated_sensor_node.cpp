@@ -5,7 +5,6 @@
 
 #include <rosgraph_msgs/Clock.h>
 #include <sensor_msgs/CameraInfo.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include "devo/core/time.h"
 #include "devo/ros/conversions.h"
@@ -75,17 +74,6 @@ SimulatedSensorNode::~SimulatedSensorNode() {
   thread_.join();
 }
 
-void SimulatedSensorNode::PublishStatic(std::int64_t t_ns) {
-  tf2_msgs::TFMessage message;
-  message.transforms.resize(1);
-  geometry_msgs::TransformStamped& transform = message.transforms.front();
-  transform.header.stamp = ToRosTime(t_ns);
-  transform.header.frame_id = Names::kEventFrame;
-  transform.child_frame_id = Names::kDepthFrame;
-  transform.transform = ToTransformMsg(rig_.T_event_depth);
-  transform_publisher_.publish(message);
-}
-
 void SimulatedSensorNode::PublishCameraInfo(std::int64_t t_ns) {
   if (t_ns < next_camera_info_ns_) return;
   next_camera_info_ns_ = t_ns + kCameraInfoPeriodNs;
@@ -114,7 +102,7 @@ void SimulatedSensorNode::Run() {
     // Building scene and motion takes a while: not for onInit, which holds up the manager.
     auto sequence = std::make_unique<sim::Sequence>(options_);
     rig_ = sequence->rig();
-    PublishStatic(sequence->begin_ns());
+    transform_publisher_.publish(StaticTransforms(*sequence));
     if (!prepare_) {
       WaitForSubscribers();
       StreamWhileRendering(sequence.get());
@@ -123,10 +111,12 @@ void SimulatedSensorNode::Run() {
       WaitForSubscribers();
       StreamPrepared();
     }
+    state_ = State::kEnded;
   } catch (const std::exception& error) {
     ROS_FATAL_STREAM(private_nh_.getNamespace() << " does not run: " << error.what());
+    failure_ = error.what();
+    state_ = State::kFailed;
   }
-  state_ = State::kEnded;
 }
 
 bool SimulatedSensorNode::Prepare(sim::Sequence* sequence) {
@@ -224,6 +214,7 @@ void SimulatedSensorNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper
     case State::kBuilding: status.summary(Level::WARN, "building scene and motion"); break;
     case State::kPreparing: status.summaryf(Level::WARN, "preparing: %d %% rendered", prepared_percent_.load()); break;
     case State::kWaiting: status.summary(Level::OK, "waiting for a subscriber of the events"); break;
+    case State::kFailed: status.summary(Level::ERROR, failure_); break;
     case State::kEnded: status.summary(Level::OK, "the sequence has ended"); break;
     case State::kStreaming:
       status.summary(Level::OK, "streaming");

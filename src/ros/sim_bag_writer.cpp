@@ -9,7 +9,6 @@
 
 #include <rosbag/bag.h>
 #include <sensor_msgs/image_encodings.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include "devo/EventArray.h"
 #include "devo/core/time.h"
@@ -103,17 +102,8 @@ class PlainWriter : public SimBagWriter {
 
  private:
   void WriteTransforms() {
-    const std::int64_t t_ns = sequence_.begin_ns();
-    tf2_msgs::TFMessage message;
-    if (!sequence_.rig().depth_registered && sequence_.options().depth != sim::SequenceOptions::Depth::kNone) {
-      message.transforms.push_back(
-          ToTransform(t_ns, sequence_.rig().T_event_depth, PlainTopics::kEventFrame, PlainTopics::kDepthFrame));
-    }
-    if (sequence_.options().lidar) {
-      message.transforms.push_back(
-          ToTransform(t_ns, sequence_.lidar_model().T_event_lidar, PlainTopics::kEventFrame, PlainTopics::kLidarFrame));
-    }
-    if (!message.transforms.empty()) bag_.write("/tf_static", Stamp(t_ns), message);
+    const tf2_msgs::TFMessage message = StaticTransforms(sequence_);
+    if (!message.transforms.empty()) bag_.write("/tf_static", Stamp(sequence_.begin_ns()), message);
   }
 
   const sim::Sequence& sequence_;
@@ -124,6 +114,20 @@ class PlainWriter : public SimBagWriter {
 };
 
 }  // namespace
+
+tf2_msgs::TFMessage StaticTransforms(const sim::Sequence& sequence) {
+  const std::int64_t t_ns = sequence.begin_ns();
+  tf2_msgs::TFMessage message;
+  if (!sequence.rig().depth_registered && sequence.options().depth != sim::SequenceOptions::Depth::kNone) {
+    message.transforms.push_back(
+        ToTransform(t_ns, sequence.rig().T_event_depth, PlainTopics::kEventFrame, PlainTopics::kDepthFrame));
+  }
+  if (sequence.options().lidar) {
+    message.transforms.push_back(
+        ToTransform(t_ns, sequence.lidar_model().T_event_lidar, PlainTopics::kEventFrame, PlainTopics::kLidarFrame));
+  }
+  return message;
+}
 
 ros::Time SimStamp(std::int64_t t_ns) {
   ros::Time time;

@@ -10,9 +10,10 @@ import unittest
 
 import rospy
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
+from tf2_msgs.msg import TFMessage
 
 from devo.msg import TrackedPose
 
@@ -106,6 +107,20 @@ class BadParametersTest(unittest.TestCase):
             return status is not None and "No events on /events (EventArray or EventPacket)" in status.message
         self.assertTrue(self.await_true(sentence), sorted(self.diagnostics))
         self.assertTrue(self.await_true(lambda: any("good: No events on /events" in m.msg for m in list(self.log))))
+
+    def test_a_simulated_sensor_that_cannot_run_says_why_and_where_its_lidar_is(self):
+        children = set()
+        subscriber = rospy.Subscriber("/tf_static", TFMessage, lambda m: children.update(
+            t.child_frame_id for t in m.transforms))
+        self.load("SimulatedSensor", "no_memory", memory_limit_mb=1, duration=1.0, sensor="davis240", lidar=True,
+                  loop=False, clock=False)
+
+        def failed():
+            status = self.diagnostics.get("no_memory: simulated sensor")
+            return status is not None and status.level == DiagnosticStatus.ERROR and "memory_limit_mb" in status.message
+        self.assertTrue(self.await_true(failed, 30), self.diagnostics.get("no_memory: simulated sensor"))
+        subscriber.unregister()
+        self.assertEqual(children, {"depth_camera_optical", "velodyne"})
 
     def test_a_topic_for_two_roles_is_named(self):
         self.load("Mapping", "one_topic", config=self.config, set="topics.depth=/events")

@@ -10,6 +10,7 @@
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/PointCloud2.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include "devo/sim/sequence.h"
 
@@ -31,6 +32,9 @@ enum class PointLayout {
 /// `turn_s`: duration of a turn, which decides the stamp of kVelodyneOld.
 sensor_msgs::PointCloud2 ToPointCloudMsg(const sim::LidarScan& scan, const std::string& frame_id,
                                          PointLayout layout = PointLayout::kVelodyne, double turn_s = 0.1);
+
+/// /tf_static of the plain topics: where the depth camera, unless its images are registered, and the LiDAR are.
+tf2_msgs::TFMessage StaticTransforms(const sim::Sequence& sequence);
 
 enum class BagDialect {
   kPlain,   ///< this package's topics: NAME.bag, NAME.yaml (configuration), NAME_groundtruth.txt; with a LiDAR beside a

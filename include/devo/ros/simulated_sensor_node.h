@@ -33,7 +33,7 @@ class SimulatedSensorNode {
 
  private:
   using WallClock = std::chrono::steady_clock;
-  enum class State { kBuilding, kPreparing, kWaiting, kStreaming, kEnded };
+  enum class State { kBuilding, kPreparing, kWaiting, kStreaming, kEnded, kFailed };
 
   void Run();
   bool Prepare(sim::Sequence* sequence);
@@ -41,7 +41,6 @@ class SimulatedSensorNode {
   void StreamPrepared();
   void StreamWhileRendering(sim::Sequence* sequence);
   void Publish(const SensorMessages& messages);
-  void PublishStatic(std::int64_t t_ns);
   void PublishCameraInfo(std::int64_t t_ns);
   void ReportPass(int pass, WallClock::time_point started);
   void FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status);
@@ -56,6 +55,7 @@ class SimulatedSensorNode {
 
   // Written by the thread, read by diagnostics.
   std::atomic<State> state_{State::kBuilding};
+  std::string failure_;  ///< set before kFailed is
   std::atomic<int> prepared_percent_{0};
   std::atomic<std::uint64_t> events_{0}, dropped_events_{0}, lost_in_readout_{0};
   std::atomic<double> behind_s_{0};       ///< streaming while rendering: wall time in which the sensor's clock stood

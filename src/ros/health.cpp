@@ -41,7 +41,12 @@ void Input::ArrivedEmpty() {
 bool Input::IsSilent() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (last_arrival_.isZero()) return true;
-  return kind_ == Kind::kSteady && !Recent(last_arrival_);
+  return kind_ != Kind::kOccasional && !Recent(last_arrival_);
+}
+
+unsigned char Input::LevelOfMissing() const {
+  using diagnostic_msgs::DiagnosticStatus;
+  return kind_ == Kind::kOptional ? DiagnosticStatus::WARN : DiagnosticStatus::ERROR;
 }
 
 bool Input::HasArrived() const {
@@ -101,39 +106,39 @@ void Health::Start() {
 
 void Health::Report(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.summary(diagnostic_msgs::DiagnosticStatus::OK, "all inputs arrive");
-  for (const std::string& sentence : sentences_) {
-    // mergeSummary joins the sentences of equal levels.
-    status.mergeSummary(diagnostic_msgs::DiagnosticStatus::ERROR, sentence);
-  }
+  // mergeSummary joins the sentences and keeps the worst level.
+  for (const Complaint& complaint : complaints_) status.mergeSummary(complaint.level, complaint.sentence);
   for (const auto& input : inputs_) input->Fill(status);
 }
 
-std::vector<std::string> Health::MissingSentences() {
+std::vector<Health::Complaint> Health::Complaints() {
   const KnownTopics nothing_known;
   const bool complete =
       std::all_of(inputs_.begin(), inputs_.end(), [](const auto& input) { return !input->IsSilent(); }) &&
       std::all_of(missing_.begin(), missing_.end(), [&](const Missing& m) { return m(nothing_known).empty(); });
   if (complete) return {};
-  if (ticks_missing_ > 2 * kTicksUntilWarning && ticks_missing_ % kTicksBetweenQuestions != 0) return sentences_;
+  if (ticks_missing_ > 2 * kTicksUntilWarning && ticks_missing_ % kTicksBetweenQuestions != 0) return complaints_;
 
   const auto topics = AskForTopics();
   const KnownTopics& known = *topics;
-  std::vector<std::string> sentences;
+  std::vector<Complaint> complaints;
   for (const auto& input : inputs_) {
     const std::string sentence = input->MissingSentence(known);
-    if (!sentence.empty()) sentences.push_back(sentence);
+    if (!sentence.empty()) complaints.push_back({sentence, input->LevelOfMissing()});
   }
   for (const Missing& missing : missing_) {
-    for (std::string& sentence : missing(known)) sentences.push_back(std::move(sentence));
+    for (std::string& sentence : missing(known)) {
+      complaints.push_back({std::move(sentence), diagnostic_msgs::DiagnosticStatus::ERROR});
+    }
   }
-  return sentences;
+  return complaints;
 }
 
 void Health::Tick() {
-  sentences_ = MissingSentences();
-  ticks_missing_ = sentences_.empty() ? 0 : ticks_missing_ + 1;
+  complaints_ = Complaints();
+  ticks_missing_ = complaints_.empty() ? 0 : ticks_missing_ + 1;
   if (ticks_missing_ >= kTicksUntilWarning && (ticks_missing_ - kTicksUntilWarning) % kTicksBetweenWarnings == 0) {
-    for (const std::string& sentence : sentences_) ROS_WARN_STREAM(name_ << ": " << sentence);
+    for (const Complaint& complaint : complaints_) ROS_WARN_STREAM(name_ << ": " << complaint.sentence);
   }
   updater_->force_update();
 }

@@ -66,7 +66,7 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
   need.imu = !imu_topic.empty();
   rig_ = std::make_unique<RigResolver>(nh_, config_, need, [this](const ResolvedRig& rig) { OnRig(rig); });
   if (!imu_topic.empty()) {
-    imu_input_ = health_.AddInput("IMU samples", nh_.resolveName(imu_topic), "Imu");
+    imu_input_ = health_.AddInput("IMU samples", nh_.resolveName(imu_topic), "Imu", Input::Kind::kOptional);
     imu_ = std::make_unique<ImuInput>(
         nh_, imu_topic, NsFromSeconds(config_.imu_time_offset_s), [this] { return rig_->imu_surroundings(); },
         [this](std::int64_t t_ns) { imu_input_->Arrived(t_ns); });

@@ -51,6 +51,15 @@ TEST(Input, DoesNotCallATopicSilentOfWhichTheMessagesAreEmptyOrNotRead) {
   EXPECT_EQ(status.values.at(1).value, "2");
 }
 
+TEST(Input, IsNoErrorToLackWhereItIsOptionalButNamedAlike) {
+  Input imu("IMU samples", "/imu", "Imu", Input::Kind::kOptional);
+  EXPECT_EQ(imu.MissingSentence(Known()), "No IMU samples on /imu (Imu): nobody publishes it, nor any other Imu.");
+  EXPECT_EQ(imu.LevelOfMissing(), DiagnosticStatus::WARN);
+  imu.Arrived(1);
+  EXPECT_EQ(imu.MissingSentence(Known()), "");
+  EXPECT_EQ(Input("depth", "/depth", "Image", Input::Kind::kSteady).LevelOfMissing(), DiagnosticStatus::ERROR);
+}
+
 TEST(Input, TakesATopicOfAnyOfItsTypesForRight) {
   const KnownTopics known = {{"/packets", "event_camera_msgs/EventPacket"}, {"/arrays", "dvs_msgs/EventArray"}};
   const Input silent("events", "/packets", "EventArray or EventPacket", Input::Kind::kSteady);

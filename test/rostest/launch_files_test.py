@@ -114,6 +114,13 @@ class LaunchFilesTest(unittest.TestCase):
         for nodelet in ("surface", "tracking", "mapping"):
             self.assertEqual(config.params["/devo/%s/event_frame" % nodelet].value, "optical")
 
+    def test_a_driver_that_live_does_not_know_is_refused(self):
+        path = PACKAGE + "/launch/live.launch"
+        with self.assertRaises(Exception):
+            roslaunch.config.load_config_default([(path, ["drivers:=false", "event_driver:=metavison"])], None, verbose=False)
+        for driver in ("prophesee", "metavision"):
+            roslaunch.config.load_config_default([(path, ["drivers:=false", "event_driver:=" + driver])], None, verbose=False)
+
     def test_live_odometry_begins_with_z_up_of_the_camera_and_of_the_base(self):
         for base, expected in (("", "0 0 0 -0.5 0.5 -0.5 0.5"), ("base_link", "0 0 0 0 0 0 1")):
             config = roslaunch.config.load_config_default(

@@ -22,7 +22,8 @@ namespace devo {
 class Input {
  public:
   /// Of a `kSteady` input silence is reported also when it has arrived before; a `kOccasional` one may fall silent.
-  enum class Kind { kSteady, kOccasional };
+  /// Without a `kOptional` one, else like a steady one, everything goes on: that is a warning, no error.
+  enum class Kind { kSteady, kOccasional, kOptional };
 
   Input(std::string role, std::string topic, std::string type, Kind kind);
 
@@ -39,6 +40,8 @@ class Input {
 
   /// "No events ..." while nothing has come, "No more events ..." when a steady input has fallen silent, else empty.
   std::string MissingSentence(const KnownTopics& known) const;
+  /// WARN or ERROR: what that sentence is in /diagnostics.
+  unsigned char LevelOfMissing() const;
   void Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
 
  private:
@@ -88,8 +91,13 @@ class Health {
   void Start();
 
  private:
+  struct Complaint {
+    std::string sentence;
+    unsigned char level;
+  };
+
   void Report(diagnostic_updater::DiagnosticStatusWrapper& status);
-  std::vector<std::string> MissingSentences();
+  std::vector<Complaint> Complaints();
   void Tick();
 
   ros::NodeHandle nh_, private_nh_;
@@ -99,7 +107,7 @@ class Health {
       updater_;  // from Start: a refused parameter leaves no trace in the graph
   std::vector<std::shared_ptr<Input>> inputs_;
   std::vector<Missing> missing_;
-  std::vector<std::string> sentences_;
+  std::vector<Complaint> complaints_;
   int ticks_ = 0;
   int ticks_missing_ = 0;
   ros::WallTimer timer_;

@@ -44,7 +44,7 @@ void RigResolver::Start() {
   const bool needs_imu = need_.imu && !config_.T_event_imu;
   // Through the frame of a depth camera that carries it; a LiDAR has no CameraInfo that would name its own.
   const bool imu_by_depth = needs_imu && config_.T_event_apart_depth() && !config_.depth_from_lidar();
-  const bool needs_event_info = !event_.camera || ((needs_transforms || needs_imu) && event_.frame.empty());
+  const bool needs_event_info = !event_.camera || ((NeedsEventFrame() || needs_imu) && event_.frame.empty());
   const bool needs_depth_frame = imu_by_depth || (NeedsDepthCamera() && needs_extrinsics);
   const bool needs_depth_info = (NeedsDepthCamera() && !depth_.camera) || (needs_depth_frame && depth_.frame.empty());
   TryToResolve();
@@ -91,7 +91,7 @@ void RigResolver::OnTransforms(const tf2_msgs::TFMessage& message) {
 }
 
 void RigResolver::TryToResolve() {
-  if (resolved_ || !event_.camera) return;
+  if (resolved_ || !event_.camera || (NeedsEventFrame() && event_.frame.empty())) return;
   ResolvedRig result;
   result.event_frame = event_.frame.empty() ? "event_camera" : WithoutLeadingSlash(event_.frame);
   result.rig.event_camera = *event_.camera;
@@ -120,7 +120,11 @@ void RigResolver::TryToResolve() {
 std::vector<std::string> RigResolver::Missing(const KnownTopics& known) const {
   std::vector<std::string> sentences;
   if (resolved_) return sentences;
-  if (!event_.camera) sentences.push_back(MissingCamera(known, event_));
+  if (!event_.camera) {
+    sentences.push_back(MissingCamera(known, event_));
+  } else if (NeedsEventFrame() && event_.frame.empty()) {
+    sentences.push_back(MissingEventFrame(known));
+  }
   if (NeedsDepthCamera()) {
     if (!depth_.camera) sentences.push_back(MissingCamera(known, depth_));
   }
@@ -142,6 +146,13 @@ std::string RigResolver::MissingCamera(const KnownTopics& known, const CameraSou
   if (source.topic.empty()) return begin + "topics." + source.name + "_info names no topic.";
   return begin + "no CameraInfo came on " + source.topic + ": " + DescribeTopic(known, source.topic, "CameraInfo") +
          ".";
+}
+
+std::string RigResolver::MissingEventFrame(const KnownTopics& known) const {
+  return "No frame of the event camera, which /tf_static would place: frames.event is not in the configuration and " +
+         (event_.topic.empty() ? std::string("topics.event_camera_info names no topic.")
+                               : "no CameraInfo that names one came on " + event_.topic + ": " +
+                                     DescribeTopic(known, event_.topic, "CameraInfo") + ".");
 }
 
 std::string RigResolver::MissingTransform(const std::string& key, const std::string& a, const std::string& b) const {

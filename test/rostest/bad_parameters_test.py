@@ -157,6 +157,29 @@ class BadParametersTest(unittest.TestCase):
         self.assertTrue(self.await_true(sentences),
                         self.diagnostics["no_camera: inputs"].message if "no_camera: inputs" in self.diagnostics else "-")
 
+    def test_tracking_and_surface_wait_for_the_frame_in_which_mapping_looks_for_the_depth_camera(self):
+        config = self.yaml("no_frame.yaml", """
+topics: {events: /framed/events, depth: /framed_depth/image_raw}
+event_camera: {width: 32, height: 24, fx: 30, fy: 30, cx: 15, cy: 11, distortion_model: none, distortion_coefficients: []}
+""")
+        names = {kind: "no_frame_" + kind for kind in ("TimeSurface", "Tracking")}
+        for kind, name in names.items():
+            self.load(kind, name, config=config)
+
+        def waits(name):
+            status = self.diagnostics.get(name + ": inputs")
+            return status is not None and "No frame of the event camera" in status.message and \
+                "/framed/camera_info" in status.message
+        for name in names.values():
+            self.assertTrue(self.await_true(lambda: waits(name)), self.diagnostics.get(name + ": inputs"))
+        publisher = rospy.Publisher("/framed/camera_info", CameraInfo, queue_size=1, latch=True)
+        info = CameraInfo()
+        info.header.frame_id = "lens"
+        publisher.publish(info)
+        for name in names.values():
+            self.assertTrue(self.await_true(lambda: not waits(name)), self.diagnostics.get(name + ": inputs"))
+        publisher.unregister()
+
     def test_poses_that_a_mapping_without_calibration_cannot_take_are_counted(self):
         # A camera that nobody calibrates: the 33rd pose on is one too many.
         config = self.yaml("never_calibrated.yaml", "topics: {events: /never/events, depth: /never/image_raw}\n")

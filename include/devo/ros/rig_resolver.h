@@ -68,7 +68,13 @@ class RigResolver {
   void OnTransforms(const tf2_msgs::TFMessage& message);
   bool NeedsExtrinsics() const { return need_.depth && config_.depth_apart(); }
   bool NeedsDepthCamera() const { return NeedsExtrinsics() && !config_.depth_from_lidar(); }
+  /// By its name in /tf_static, whose tree all nodelets' frames then belong to. Also where the depth is another
+  /// nodelet's business: what is published here must be in the frame that is resolved there.
+  bool NeedsEventFrame() const {
+    return !need_.base_frame.empty() || (config_.depth_apart() && !config_.T_event_depth);
+  }
   std::string MissingCamera(const KnownTopics& known, const CameraSource& source) const;
+  std::string MissingEventFrame(const KnownTopics& known) const;
   std::string MissingTransform(const std::string& key, const std::string& a, const std::string& b) const;
   void TryToResolve();
 

@@ -4,6 +4,7 @@
 #include <mutex>
 #include <utility>
 
+#include <ros/this_node.h>
 #include <ros/time.h>
 
 namespace devo {
@@ -13,6 +14,20 @@ bool IsOneOf(const std::string& types, const std::string& datatype) {
   const std::string separator = " or ";
   return (separator + types + separator).find(separator + datatype.substr(datatype.find('/') + 1) + separator) !=
          std::string::npos;
+}
+
+/// ros::master::getTopics, but for one thing: where the master cannot be reached, that asks again for ever, and with it
+/// stands the callback queue that asked.
+KnownTopics AskOnce() {
+  XmlRpc::XmlRpcValue request, response, topics;
+  request[0] = ros::this_node::getName();
+  request[1] = "";  // below no name in particular
+  KnownTopics known;
+  constexpr bool kWaitForMaster = false;
+  if (!ros::master::execute("getPublishedTopics", request, response, topics, kWaitForMaster)) return known;
+  const int size = topics.size();  // its iterators are those of a struct
+  for (int i = 0; i < size; ++i) known.emplace_back(std::string(topics[i][0]), std::string(topics[i][1]));
+  return known;
 }
 
 }  // namespace
@@ -25,10 +40,8 @@ std::shared_ptr<const KnownTopics> AskForTopics() {
   const std::lock_guard<std::mutex> lock(mutex);
   const double age_s = (ros::WallTime::now() - asked).toSec();
   if (last && age_s >= 0 && age_s < kMoment_s) return last;
-  auto known = std::make_shared<KnownTopics>();
-  ros::master::getTopics(*known);
+  last = std::make_shared<const KnownTopics>(AskOnce());
   asked = ros::WallTime::now();
-  last = std::move(known);
   return last;
 }
 

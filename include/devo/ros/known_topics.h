@@ -14,7 +14,7 @@ namespace devo {
 using KnownTopics = ros::master::V_TopicInfo;
 
 /// Asked once in a moment for all nodelets of the process: reading the answer, which names all topics of a robot, is
-/// most of what they cost while they wait. Empty while there is no master.
+/// most of what they cost while they wait. Empty, at once, while there is no master.
 std::shared_ptr<const KnownTopics> AskForTopics();
 
 /// What the master says about a topic, as the end of a sentence: "nobody publishes it; EventArray topics that exist:

@@ -70,7 +70,7 @@ class EventWindow {
     cv::Mat1w image(undistorted_.height(), undistorted_.width(), std::uint16_t{0});
     const auto end = LowerBound(end_ns);
     for (auto event = LowerBound(begin_ns); event != end; ++event) {
-      if (event->x >= image.cols || event->y >= image.rows) continue;
+      if (event->x >= rays_.cols || event->y >= rays_.rows) continue;
       const cv::Vec2f ray = rays_(event->y, event->x);
       const double u = undistorted_.fx() * ray[0] + undistorted_.cx(),
                    v = undistorted_.fy() * ray[1] + undistorted_.cy();

@@ -108,10 +108,12 @@ Recording ReadRecording(const Arguments& arguments, const RigConfig& config) {
 
 /// Where each pixel of the undistorted image lies in the distorted one, for cv::remap.
 cv::Mat2f UndistortionMap(const Camera& camera) {
-  cv::Mat2f map(camera.height(), camera.width());
-  for (int y = 0; y < camera.height(); ++y) {
-    for (int x = 0; x < camera.width(); ++x) {
-      const auto u = camera.Project({(x - camera.cx()) / camera.fx(), (y - camera.cy()) / camera.fy(), 1});
+  const Camera undistorted = camera.Undistorted();
+  cv::Mat2f map(undistorted.height(), undistorted.width());
+  for (int y = 0; y < map.rows; ++y) {
+    for (int x = 0; x < map.cols; ++x) {
+      const auto ray = undistorted.Unproject({x, y});
+      const auto u = ray ? camera.Project(*ray) : std::nullopt;
       map(y, x) = u ? cv::Vec2f(static_cast<float>(u->x()), static_cast<float>(u->y())) : cv::Vec2f(-1e4F, -1e4F);
     }
   }
@@ -228,7 +230,7 @@ Input InputOfDepth(const Recording& recording, double depth_rate_hz) {
   const cv::Mat2f map = UndistortionMap(recording.rig.depth_camera);
   for (const StampedImage* depth : AtRate(recording.depths, depth_rate_hz)) {
     input.depths.push_back({depth->t_ns, Undistort(depth->image, map)});
-    input.frames.push_back({depth->t_ns, cv::Mat(depth->image.size(), CV_8U, cv::Scalar(0))});
+    input.frames.push_back({depth->t_ns, cv::Mat(map.size(), CV_8U, cv::Scalar(0))});
   }
   return input;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/camera.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <sstream>
@@ -12,6 +13,8 @@ namespace devo {
 namespace {
 
 constexpr double kMinDepth_m = 1e-3;
+// Of the image's width or height, on each side: farther out a wide lens sees ever less in ever more pixels.
+constexpr double kMostBeyond = 0.25;
 
 DistortionModel ModelFromNameAndCount(const std::string& name, std::size_t count) {
   const bool all_named_none = name.empty() || name == "none";
@@ -62,7 +65,40 @@ Camera Camera::WithFocalLength(double factor) const {
   return camera;
 }
 
-Camera Camera::Undistorted() const { return {width_, height_, fx_, fy_, cx_, cy_, "none", {}}; }
+Camera Camera::Undistorted() const {
+  if (distortion_ == DistortionModel::kNone) return *this;
+  const int right = width_ - 1, bottom = height_ - 1;
+  const auto most_x = static_cast<int>(kMostBeyond * width_), most_y = static_cast<int>(kMostBeyond * height_);
+  const int left_px = std::min(most_x, SeenBeyond({0, 0}, {0, bottom}, {-1, 0}));
+  const int right_px = std::min(most_x, SeenBeyond({right, 0}, {right, bottom}, {1, 0}));
+  const int top_px = std::min(most_y, SeenBeyond({0, 0}, {right, 0}, {0, -1}));
+  const int bottom_px = std::min(most_y, SeenBeyond({0, bottom}, {right, bottom}, {0, 1}));
+  return {width_ + left_px + right_px, height_ + top_px + bottom_px, fx_, fy_, cx_ + left_px, cy_ + top_px, "none", {}};
+}
+
+int Camera::SeenBeyond(const Eigen::Vector2d& first_px, const Eigen::Vector2d& last_px,
+                       const Eigen::Vector2d& outward) const {
+  const int steps = static_cast<int>((last_px - first_px).norm());
+  double least_px = std::numeric_limits<double>::infinity();
+  for (int k = 0; k <= steps; ++k) {
+    const Eigen::Vector2d u = first_px + (last_px - first_px) * k / std::max(1, steps);
+    const auto ray = Unproject(u);
+    if (!ray) continue;
+    const Eigen::Vector2d undistorted(fx_ * ray->x() + cx_, fy_ * ray->y() + cy_);
+    least_px = std::min(least_px, outward.dot(undistorted - u));
+  }
+  return least_px > 0 && std::isfinite(least_px) ? static_cast<int>(least_px) : 0;
+}
+
+Camera Camera::ShrunkTo(int width, int height) const {
+  const double factor = std::min({1.0, static_cast<double>(width) / width_, static_cast<double>(height) / height_});
+  Camera camera = WithFocalLength(factor);
+  camera.width_ = static_cast<int>(std::lround(factor * width_));
+  camera.height_ = static_cast<int>(std::lround(factor * height_));
+  camera.cx_ = factor * (cx_ + 0.5) - 0.5;
+  camera.cy_ = factor * (cy_ + 0.5) - 0.5;
+  return camera;
+}
 
 std::optional<Eigen::Vector2d> Camera::Distort(const Eigen::Vector2d& x) const {
   if (distortion_ == DistortionModel::kNone) return x;

@@ -69,11 +69,12 @@ struct DepthAligner::Equations {
 };
 
 DepthAligner::DepthAligner(const Camera& camera)
-    : camera_(camera.Undistorted()), image_size_(camera.width(), camera.height()),
-      cell_px_(std::max(1, camera.width() / kColumns)), columns_((camera.width() + cell_px_ - 1) / cell_px_),
-      rows_((camera.height() + cell_px_ - 1) / cell_px_) {
+    : camera_(camera.Undistorted().ShrunkTo(camera.width(), camera.height())),
+      image_size_(camera.width(), camera.height()), cell_px_(std::max(1, camera.width() / kColumns)),
+      columns_((camera_.width() + cell_px_ - 1) / cell_px_), rows_((camera_.height() + cell_px_ - 1) / cell_px_) {
   const int step = std::min(kPixelStep, cell_px_);
-  full_ = (cell_px_ / step) * (cell_px_ / step);
+  const double samples_in_a_row = cell_px_ / step * camera.fx() / camera_.fx();
+  full_ = static_cast<int>(samples_in_a_row * samples_in_a_row);
   for (int y = 0; y < camera.height(); y += step) {
     for (int x = 0; x < camera.width(); x += step) {
       const auto ray = camera.Unproject({x, y});

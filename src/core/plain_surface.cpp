@@ -105,7 +105,8 @@ inline int Reaching(const std::uint8_t* values, std::uint8_t least) {
 }  // namespace
 
 PlainSurface::PlainSurface(const Camera& camera, double tau_s, double delta)
-    : camera_(camera), tau_s_(tau_s), delta_(delta), row_ticks_(camera.width()) {
+    : camera_(camera), undistorted_(camera.Undistorted()), tau_s_(tau_s), delta_(delta),
+      row_ticks_(undistorted_.width()) {
   // exp(-age / tau) in 255 levels is exactly 0 beyond this age.
   const std::int64_t max_age_ns = NsFromSeconds(tau_s * std::log(2 * 255.0));
   while (max_age_ns >> tick_shift_ >= kLongAgo_ticks) ++tick_shift_;
@@ -116,13 +117,12 @@ PlainSurface::PlainSurface(const Camera& camera, double tau_s, double delta)
 }
 
 void PlainSurface::PrepareSources() {
-  const Camera undistorted = camera_.Undistorted();
   const int none = camera_.width() * camera_.height();
-  source_.create(camera_.height(), camera_.width());
-  for (int y = 0; y < camera_.height(); ++y) {
-    for (int x = 0; x < camera_.width(); ++x) {
-      const Eigen::Vector3d ray((x - undistorted.cx()) / undistorted.fx(), (y - undistorted.cy()) / undistorted.fy(),
-                                1);
+  source_.create(undistorted_.height(), undistorted_.width());
+  for (int y = 0; y < undistorted_.height(); ++y) {
+    for (int x = 0; x < undistorted_.width(); ++x) {
+      const Eigen::Vector3d ray((x - undistorted_.cx()) / undistorted_.fx(),
+                                (y - undistorted_.cy()) / undistorted_.fy(), 1);
       const auto u = camera_.Project(ray);
       source_(y, x) = u && camera_.Contains(*u) ? static_cast<int>(std::lround(u->y())) * camera_.width() +
                                                       static_cast<int>(std::lround(u->x()))
@@ -151,7 +151,7 @@ void PlainSurface::ForgetLongAgo(std::int64_t t_ns) {
 const std::uint32_t* PlainSurface::TicksOfRow(int y) {
   if (source_.empty()) return last_ticks_.data() + static_cast<std::size_t>(y) * camera_.width();
   const int* source = source_[y];
-  for (int x = 0; x < camera_.width(); ++x) row_ticks_[x] = last_ticks_[source[x]];
+  for (int x = 0; x < undistorted_.width(); ++x) row_ticks_[x] = last_ticks_[source[x]];
   return row_ticks_.data();
 }
 
@@ -166,9 +166,9 @@ void PlainSurface::Render(Surface* surface) {
   decay.max_age = max_age_ticks_;
   decay.halvings_per_tick = static_cast<float>(std::ldexp(1e-9, tick_shift_) / (tau_s_ * std::log(2.0)));
   decay.exponent_per_tick = static_cast<float>(std::ldexp(-1e-9 / tau_s_, tick_shift_));
-  for (int y = 0; y < camera_.height(); ++y) {
+  for (int y = 0; y < undistorted_.height(); ++y) {
     const int used = decay.used;
-    decay_row(TicksOfRow(y), camera_.width(), surface->image[y], &decay);
+    decay_row(TicksOfRow(y), undistorted_.width(), surface->image[y], &decay);
     if (decay.used > used) AppendEdges(y, surface->image[y], &surface->edges);
   }
   surface->events_used = static_cast<std::uint32_t>(decay.used);
@@ -176,9 +176,9 @@ void PlainSurface::Render(Surface* surface) {
 }
 
 void PlainSurface::AppendEdges(int y, const std::uint8_t* values, std::vector<EdgePoint>* edges) const {
-  if (y < kMargin || y >= camera_.height() - kMargin || delta_ >= 1) return;
+  if (y < kMargin || y >= undistorted_.height() - kMargin || delta_ >= 1) return;
   const auto least = static_cast<std::uint8_t>(std::floor(255 * delta_) + 1);
-  const int end = camera_.width() - kMargin;
+  const int end = undistorted_.width() - kMargin;
   PixelList columns;
   const auto append = [&] {
     const std::size_t before = edges->size();
@@ -194,8 +194,8 @@ void PlainSurface::AppendEdges(int y, const std::uint8_t* values, std::vector<Ed
   for (int x = kMargin; x < end; x += 16) {
     // Sixteen are read: the image's end may come sooner.
     std::array<std::uint8_t, 16> copied{};
-    const bool last = x + 16 > camera_.width();
-    if (last) std::copy(values + x, values + camera_.width(), copied.begin());
+    const bool last = x + 16 > undistorted_.width();
+    if (last) std::copy(values + x, values + undistorted_.width(), copied.begin());
     const int bits = Reaching(last ? copied.data() : values + x, least) & (0xFFFF >> std::max(x + 16 - end, 0));
     if (bits == 0) continue;
     columns.Append(x, bits & 0xFF);

@@ -28,7 +28,8 @@ class PlainSurface {
   void Reset();
 
   /// Fills image, edges, window_s and events_used (pixels that are not yet dark) for the time surface->t_ns, which is
-  /// not before the last event. The image must have the camera's size.
+  /// not before the last event. The image must have the size of
+  /// the undistorted one.
   void Render(Surface* surface);
 
  private:
@@ -38,7 +39,7 @@ class PlainSurface {
   const std::uint32_t* TicksOfRow(int y);
   void AppendEdges(int y, const std::uint8_t* values, std::vector<EdgePoint>* edges) const;
 
-  Camera camera_;
+  Camera camera_, undistorted_;
   double tau_s_, delta_;
   int tick_shift_ = 0;  // a tick is 2^tick_shift_ nanoseconds: one, unless tau is long
   std::int32_t max_age_ticks_ = 0;

@@ -260,7 +260,7 @@ SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const std::optional<Expecte
   auto surface = m.pool.Take();
   surface->t_ns = surface->t_edges_ns = t_ns;
   surface->epoch = m.epoch;
-  surface->image.create(m.camera.height(), m.camera.width());
+  surface->image.create(m.undistorted.height(), m.undistorted.width());
   if (m.compensated) {
     m.FilterNewEvents();
     m.filtered_early = 0;
@@ -445,8 +445,8 @@ void SurfaceBuilder::Impl::Accumulate(std::uint64_t first, std::int64_t t_ns, co
                                       const SceneDepth& depth) {
   // Poses within a slice of this length are taken as one: at 1000 px/s half of it is 0.1 px.
   constexpr std::int64_t kSlice_ns = 200'000;
-  accumulated.create(camera.height(), camera.width());
-  accumulated_sign.create(camera.height(), camera.width());
+  accumulated.create(undistorted.height(), undistorted.width());
+  accumulated_sign.create(undistorted.height(), undistorted.width());
   std::memset(accumulated.data, 0, accumulated.total() * accumulated.elemSize());
   std::memset(accumulated_sign.data, 0, accumulated_sign.total() * accumulated_sign.elemSize());
   EventWarp warp(undistorted, depth, &accumulated, &accumulated_sign);

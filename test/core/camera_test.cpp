@@ -154,14 +154,79 @@ TEST_P(CameraTest, RayTableHoldsTheRayOfEachPixel) {
   }
 }
 
-TEST_P(CameraTest, TheUndistortedCameraIsAPinholeOfTheSameSize) {
-  const Camera undistorted = GetParam().camera.Undistorted();
+TEST_P(CameraTest, TheUndistortedCameraIsAPinholeOfTheSameFocalLengths) {
+  const Camera &camera = GetParam().camera, undistorted = camera.Undistorted();
   EXPECT_EQ(undistorted.distortion(), DistortionModel::kNone);
-  EXPECT_EQ(undistorted.width(), GetParam().camera.width());
+  EXPECT_EQ(undistorted.fx(), camera.fx());
+  EXPECT_EQ(undistorted.fy(), camera.fy());
   const auto u = undistorted.Project({0.2, -0.1, 2});
   ASSERT_TRUE(u);
   EXPECT_NEAR(u->x(), undistorted.fx() * 0.1 + undistorted.cx(), 1e-9);
   EXPECT_NEAR(u->y(), undistorted.fy() * -0.05 + undistorted.cy(), 1e-9);
+}
+
+TEST_P(CameraTest, TheUndistortedImageHoldsThatOfTheSensorsSizeShiftedByWholePixels) {
+  const Camera &camera = GetParam().camera, undistorted = camera.Undistorted();
+  const double left_px = undistorted.cx() - camera.cx(), top_px = undistorted.cy() - camera.cy();
+  EXPECT_EQ(left_px, std::round(left_px));
+  EXPECT_EQ(top_px, std::round(top_px));
+  EXPECT_GE(left_px, 0);
+  EXPECT_GE(top_px, 0);
+  EXPECT_GE(undistorted.width(), camera.width() + left_px);
+  EXPECT_GE(undistorted.height(), camera.height() + top_px);
+}
+
+TEST_P(CameraTest, TheUndistortedImageGoesOnNoFartherThanTheSensorSees) {
+  const Camera &camera = GetParam().camera, undistorted = camera.Undistorted();
+  const double left_px = undistorted.cx() - camera.cx(), top_px = undistorted.cy() - camera.cy();
+  const auto is_seen = [&](double x, double y) {
+    const auto u = camera.Project(*undistorted.Unproject({x, y}));
+    return u && camera.Contains(*u);
+  };
+  const auto expect_column = [&](double x) {
+    for (double y = top_px; y < top_px + camera.height(); ++y) EXPECT_TRUE(is_seen(x, y)) << x << " " << y;
+  };
+  if (left_px > 0) expect_column(0);
+  if (undistorted.width() > left_px + camera.width()) expect_column(undistorted.width() - 1);
+  if (top_px > 0) {
+    for (double x = left_px; x < left_px + camera.width(); ++x) EXPECT_TRUE(is_seen(x, 0)) << x;
+  }
+}
+
+TEST(CameraModelTest, TheUndistortedImageOfADavisHoldsNineTenthsOfItsPixelsNotThreeQuarters) {
+  const Camera camera(240, 180, 198.2, 198.4, 121.3, 91.8, "plumb_bob", {-0.3684, 0.1509, -0.0003, -0.0002, 0});
+  const Camera undistorted = camera.Undistorted();
+  int held = 0, held_in_sensors_size = 0;
+  for (int y = 0; y < camera.height(); ++y) {
+    for (int x = 0; x < camera.width(); ++x) {
+      const Eigen::Vector3d ray = *camera.Unproject({x, y});
+      held += undistorted.Contains(*undistorted.Project(ray));
+      held_in_sensors_size +=
+          camera.Contains({camera.fx() * ray.x() + camera.cx(), camera.fy() * ray.y() + camera.cy()});
+    }
+  }
+  EXPECT_LT(held_in_sensors_size, 0.8 * camera.width() * camera.height());
+  EXPECT_GT(held, 0.92 * camera.width() * camera.height());
+}
+
+TEST(CameraModelTest, TheUndistortedImageOfAFisheyeIsAtMostHalfAsWideAgain) {
+  const Camera camera(400, 300, 150, 150, 199.5, 149.5, "equidistant", {0, 0, 0, 0});
+  const Camera undistorted = camera.Undistorted();
+  EXPECT_EQ(undistorted.width(), 600);
+  EXPECT_LE(undistorted.height(), 450);
+}
+
+TEST_P(CameraTest, ShrunkImagesShowTheSameView) {
+  const Camera undistorted = GetParam().camera.Undistorted();
+  const Camera shrunk = undistorted.ShrunkTo(undistorted.width() / 2, undistorted.height());
+  EXPECT_LE(shrunk.width(), undistorted.width() / 2);
+  EXPECT_LE(shrunk.height(), undistorted.height());
+  // Pixel centres lie at integers: the image's corner is half a pixel before the first.
+  const Eigen::Vector3d corner = *undistorted.Unproject({-0.5, -0.5});
+  EXPECT_NEAR((*shrunk.Project(corner) - Eigen::Vector2d(-0.5, -0.5)).norm(), 0, 1e-9);
+  const auto same = undistorted.ShrunkTo(2 * undistorted.width(), 2 * undistorted.height());
+  EXPECT_EQ(same.width(), undistorted.width());
+  EXPECT_EQ(same.cx(), undistorted.cx());
 }
 
 TEST(CameraModelTest, NameAndCoefficientCountTogetherDecideTheModel) {

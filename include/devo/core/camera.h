@@ -31,8 +31,14 @@ class Camera {
   Camera(int width, int height, double fx, double fy, double cx, double cy, const std::string& distortion_name,
          const std::vector<double>& coefficients);
 
-  /// Same focal lengths, principal point and size, without distortion: the undistorted image.
+  /// The undistorted image: same focal lengths, no distortion. A lens with barrel distortion sees more than an image of
+  /// the sensor's size holds (of a DAVIS' events, a quarter): it is larger by as many whole pixels on each side as the
+  /// lens sees of all of that side, at most a quarter of width or height. Its pixels are those of the sensor's size,
+  /// shifted: `cx` and `cy` say by how much. Without distortion it is the camera itself.
   Camera Undistorted() const;
+
+  /// The same view in an image that is at most so large, in pixels, and not larger than this one.
+  Camera ShrunkTo(int width, int height) const;
 
   /// The same, but with focal lengths this many times as long. Throws std::invalid_argument where that is not positive.
   Camera WithFocalLength(double factor) const;
@@ -65,6 +71,8 @@ class Camera {
  private:
   /// Distorted normalised coordinates; empty where the model folds back.
   std::optional<Eigen::Vector2d> Distort(const Eigen::Vector2d& x_normalised) const;
+  /// How many whole pixels, along `outward`, the undistorted image goes on beyond this side of the sensor.
+  int SeenBeyond(const Eigen::Vector2d& first_px, const Eigen::Vector2d& last_px, const Eigen::Vector2d& outward) const;
 
   int width_ = 0, height_ = 0;
   double fx_ = 0, fy_ = 0, cx_ = 0, cy_ = 0;

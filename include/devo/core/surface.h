@@ -36,7 +36,7 @@ struct Surface {
   static constexpr std::int32_t kNoEdge = 0x7E000000;
   static constexpr std::size_t kMaxEdges = 0x10000;
   double event_rate_hz = 0;  ///< events per second over the last 20 ms, whole image, noise included
-  double activity_hz = 0;    ///< the same after the noise filter, per pixel and second: standstill below a threshold
+  double activity_hz = 0;    ///< the same after the noise filter, per sensor pixel: standstill below a threshold
   double window_s = 0;       ///< age of the oldest event used
   std::uint32_t events_used = 0;
   bool still = false;  ///< too few events to see motion: the pose is to be held

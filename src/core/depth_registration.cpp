@@ -20,7 +20,9 @@ float SurfaceGap(float z_m) { return 0.025F * z_m + 0.008F; }
 constexpr int kCellBits = 2;
 static_assert(1 << kCellBits == DepthRegistration::kCell);
 constexpr int kMinReadings = 3;
-constexpr std::size_t kMaxReadings = 64;
+// A depth image four times as fine as the event image has about 110 within the least radius; with fewer the upper rows
+// of an edge's surroundings would speak for all of them.
+constexpr std::size_t kMaxReadings = 256;
 constexpr double kMinRadius_px = 1.5, kMaxRadius_px = 4;
 // An image that holds few readings, far apart (a LiDAR's, projected), is looked at farther around an edge: so that this
 // many are expected there.

@@ -269,9 +269,13 @@ void MotionFilter::LetInertialWander(double dt_s) {
   if (options_.max_delay_s > 0) P_(State::kDelay, State::kDelay) += std::pow(kDelayWalk_s, 2) * dt_s;
 }
 
-MotionFilter::Change MotionFilter::Propagate(double dt_s) {
+void MotionFilter::LeaveRest() {
   // Where exactly it stood the first events after a rest tell: without this they would seem to tell of a velocity.
   P_.topLeftCorner<6, 6>() += kBraking_s * kBraking_s * std::exchange(before_rest_, Matrix6d::Zero());
+}
+
+MotionFilter::Change MotionFilter::Propagate(double dt_s) {
+  LeaveRest();
   const double fade = std::exp(-dt_s / kManeuver_s), shared_fade = std::exp(-dt_s / kShared_s);
   const Vector6d step = state_.velocity * dt_s + state_.acceleration * (0.5 * dt_s * dt_s);
   Change F = Change::Identity();
@@ -514,6 +518,9 @@ void MotionFilter::Advance(std::int64_t t_ns, const InertialMean& inertial) {
   const double steady_s = std::max(kLongestSteady_s * (1 - QuietShare()), 1e-6);
   state_.steady_turn_acceleration +=
       (1 - std::exp(-dt_s / steady_s)) * (state_.acceleration.tail<3>() - state_.steady_turn_acceleration);
+  // Before the state is copied: the readings are of both, and would seem to tell of the pose what one has and not the
+  // other.
+  LeaveRest();
   const MotionFilter before = *this;
   const Change F = Propagate(dt_s);
   t_ns_ = t_ns;
@@ -531,6 +538,7 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
     rested_s_ = 0;
   }
   rested_s_ += dt_s;
+  if (dt_s > 0) LetInertialWander(dt_s);
   const auto stand = [this] {
     state_.velocity.setZero();
     state_.StopSpeedingUp();
@@ -557,8 +565,11 @@ void MotionFilter::Coast(std::int64_t t_ns) {
   t_ns_ = t_ns;
   state_.StopSpeedingUp();
   state_.velocity *= std::exp(-dt_s / kCoast_s);
-  // Coasting for long must not let the covariance overflow what a search can cover.
-  P_ = P_ / std::max(1.0, P_.diagonal().head<6>().maxCoeff());
+  // Coasting for long must not let the covariance overflow what a search can cover. What does not change with time is
+  // known as well as before.
+  const double shrink = 1 / std::sqrt(std::max(1.0, P_.diagonal().head<6>().maxCoeff()));
+  P_.topRows<State::kChanging>() *= shrink;
+  P_.leftCols<State::kChanging>() *= shrink;
 }
 
 }  // namespace devo

@@ -305,9 +305,12 @@ void ReferenceMap::DropUnproven() {
   }
   dropped_at_ = calls_;
   if (references_.empty()) return;
-  // A map that lost all its points is one, though: the last reference stays.
-  const auto is_empty = [last = references_.back().id](const Reference& reference) {
-    return reference.points.empty() && (reference.guessed || reference.id != last);
+  // A map that lost all its points is one, though: the last reference of measured points stays.
+  const auto last = std::find_if(references_.rbegin(), references_.rend(),
+                                 [](const Reference& reference) { return !reference.guessed; });
+  const int last_id = last != references_.rend() ? last->id : -1;
+  const auto is_empty = [last_id](const Reference& reference) {
+    return reference.points.empty() && reference.id != last_id;
   };
   references_.erase(std::remove_if(references_.begin(), references_.end(), is_empty), references_.end());
 }

@@ -651,6 +651,34 @@ TEST(MotionFilter, TakesAShiftFoundAfterARestForWhereItCameToStandAndNotForAVelo
   EXPECT_LT(filter.velocity_event().norm(), 0.005);
 }
 
+TEST(MotionFilter, DoesNotKnowFromAGyroscopesFirstReadingAfterARestWhereItCameToStand) {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, Rigid3());
+  const double turn_rad_s = 0.3;
+  const Vector6d turning = turn_rad_s * Vector6d::Unit(4);
+  const InertialMean still{Eigen::Vector3d::Zero(), std::nullopt, Eigen::Vector3d::Zero()};
+  for (int k = 1; k <= 50; ++k) {
+    filter.Update(k * kPeriod_ns, Exp(0.01 * k * turning), 1e8 * Matrix6d::Identity());
+  }
+  for (int k = 51; k <= 100; ++k) filter.HoldStill(k * kPeriod_ns, still);
+  const double by_gyroscope_alone = filter.Predict(101 * kPeriod_ns).covariance(4, 4);
+  filter.Advance(101 * kPeriod_ns, still);
+  EXPECT_GT(filter.pose_covariance()(4, 4), std::pow(0.02 * turn_rad_s, 2));
+  EXPECT_GT(filter.pose_covariance()(4, 4), 0.8 * by_gyroscope_alone);
+}
+
+TEST(MotionFilter, LetsBiasesWanderInALongRestAsInMotion) {
+  MotionFilter filter{TrackingOptions()};
+  filter.Start(0, Rigid3());
+  InertialMean reading{{0.01, 0, 0}, std::nullopt, Eigen::Vector3d::Zero()};
+  int k = 0;
+  for (; k < 6000; ++k) filter.HoldStill((k + 1) * kPeriod_ns, reading);
+  // As the sensor warms: by three times what its bias wanders in ten seconds.
+  reading.angular_velocity.x() += 0.005;
+  for (; k < 7000; ++k) filter.HoldStill((k + 1) * kPeriod_ns, reading);
+  EXPECT_NEAR(filter.state().gyroscope_bias.x(), reading.angular_velocity.x(), 0.001);
+}
+
 TEST(MotionFilter, MayGoOnAsBeforeAfterAMomentOfRest) {
   MotionFilter filter = Moving();
   const Eigen::Vector3d v = filter.velocity_event().head<3>();
@@ -659,6 +687,21 @@ TEST(MotionFilter, MayGoOnAsBeforeAfterAMomentOfRest) {
   EXPECT_GT(variance(), 0.8 * v.squaredNorm());
   for (int k = 0; k < 50; ++k) filter.HoldStill(filter.time_ns() + kPeriod_ns);
   EXPECT_LT(variance(), 0.01 * v.squaredNorm());
+}
+
+TEST(MotionFilter, KnowsNoMoreOfGravityAndTheSensorForHavingCoastedLong) {
+  MotionFilter filter = Swinging(2, true);
+  const auto constants = [&filter] {
+    // Of gravity and all that does not change with time, as far as the state tells it.
+    return std::make_pair(filter.delay_variance_s2(), filter.knows_acceleration());
+  };
+  const auto before = constants();
+  for (int k = 0; k < 500; ++k) filter.Coast(filter.time_ns() + kPeriod_ns);
+  EXPECT_GE(constants().first, before.first);
+  EXPECT_EQ(constants().second, before.second);
+  const Matrix6d P = filter.pose_covariance();
+  EXPECT_LE(P.diagonal().maxCoeff(), 1 + 1e-9);
+  EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
 }
 
 TEST(MotionFilter, CoastsOnAndSlowsDown) {

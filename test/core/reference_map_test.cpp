@@ -318,6 +318,15 @@ TEST(ReferenceMap, GivesUpPointsOfGuessedDepthOnlyWhereOthersStandForThem) {
   EXPECT_THAT(map.references(), SizeIs(1)) << "nothing is left of the other";
 }
 
+TEST(ReferenceMap, IsNoneTheLessAMapWhereItsLastReferenceWasGuessedAndNoPointIsLeft) {
+  ReferenceMap map = MapOf({PointAt(50, 40, 2)});
+  map.AddGuessed(2, Rigid3(), {PointAt(60, 60, 3)});
+  const Surface surface = SurfaceWith({{5, 5}});
+  for (int k = 0; k < 200; ++k) Observe(&map, surface, Sideways());
+  EXPECT_THAT(map.Project(Rigid3(), nullptr), IsEmpty());
+  EXPECT_FALSE(map.empty());
+}
+
 TEST(ReferenceMap, SeesOnlyTheReferencesOfItsChapterAndKeepsTheOthers) {
   ReferenceMap map = MapOf({PointAt(50, 40, 2)});
   map.BeginChapter();

@@ -145,6 +145,8 @@ class MotionFilter {
 
   void SetPoseAsAtStart(const Rigid3& T_world_event);
   void SetMotion(const Vector6d& sigma_velocity);
+  /// A rest before this moment, if there was one, is over.
+  void LeaveRest();
   /// Returns the derivative of what changes by what it was.
   Change Propagate(double dt_s);
   /// What is not known of the motion in this time.

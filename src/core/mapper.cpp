@@ -123,7 +123,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
   velocity_ = pose.velocity_event;
   velocity_of_poses_ = pose.velocity_of_poses;
-  covariance_ = pose.covariance_event;
+  covariance_ = pose.covariance_in_chapter;
   delays_ = pose.delays;
   sure_ = pose.state == TrackingState::kTracking;
   trackable_ = pose.state == TrackingState::kTracking || pose.state == TrackingState::kDegraded ||

@@ -348,7 +348,9 @@ void Tracker::ContinueToNow(PoseEstimate* pose) const {
   pose->velocity_event = SurfaceVelocity();
   pose->velocity_of_poses = !inertial_prior_;
   if (inertial_prior_ && !held()) pose->acceleration_event = motion_.acceleration_event();
-  pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
+  pose->covariance_in_chapter = pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
+  const auto chapter = static_cast<std::size_t>(map_->chapter);
+  if (chapter < chapter_covariance_.size()) pose->covariance_event += chapter_covariance_[chapter];
 }
 
 double Tracker::DelayAgainstInertial() const { return std::max(0.0, motion_.state().delay_s); }
@@ -367,8 +369,6 @@ Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now, double e
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * event_delay_s, 2)
                                        : std::pow(depth_fusion_.delay().Get(0), 2);
   covariance += clock_variance_s2 * now.velocity_event * now.velocity_event.transpose();
-  const auto chapter = static_cast<std::size_t>(map_->chapter);
-  if (chapter < chapter_covariance_.size()) covariance += chapter_covariance_[chapter];
   return covariance;
 }
 

@@ -185,6 +185,7 @@ void WriteMessage(Stream& stream, const PoseEstimate& estimate) {
   stream.next(static_cast<std::uint8_t>(estimate.velocity_of_poses));
   WriteMatrix(stream, estimate.acceleration_event);
   WriteMatrix(stream, estimate.covariance_event);
+  WriteMatrix(stream, estimate.covariance_in_chapter);
   for (const double delay_s :
        {estimate.delays.event_s, estimate.delays.depth_s, estimate.delays.depth_sigma_s, estimate.delays.inertial_s}) {
     stream.next(delay_s);
@@ -218,6 +219,7 @@ void ReadMessage(IStream& stream, PoseEstimate& estimate) {
   estimate.velocity_of_poses = of_poses != 0;
   ReadMatrix(stream, estimate.acceleration_event);
   ReadMatrix(stream, estimate.covariance_event);
+  ReadMatrix(stream, estimate.covariance_in_chapter);
   SensorDelays& delays = estimate.delays;
   for (double* delay_s : {&delays.event_s, &delays.depth_s, &delays.depth_sigma_s, &delays.inertial_s}) {
     stream.next(*delay_s);

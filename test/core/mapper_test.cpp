@@ -250,7 +250,7 @@ TEST(Mapper, GuessesNothingBeyondADepthCamerasRangeUntilTheWayIsKnownUnlessPoses
     Mapper mapper = WithFirstReference();
     mapper.AddSurface(SurfaceAt(200 * kMs, EdgesOnBothSides()));
     PoseEstimate pose = PoseAt(200 * kMs);
-    pose.covariance_event.diagonal().head<3>().setConstant(sigma_m * sigma_m);
+    pose.covariance_in_chapter.diagonal().head<3>().setConstant(sigma_m * sigma_m);
     pose.velocity_of_poses = velocity_of_poses;
     mapper.AddPose(pose);
     mapper.AddDepth(WallUpTo(200 * kMs, columns_read));
@@ -587,7 +587,7 @@ TEST(Mapper, GoesOnWhereDepthFindsACameraThatIsLost) {
   const Rigid3 truth = Rigid3::Translation({0.05, 0.02, -0.05});
   PoseEstimate lost = LostAt(1000 * kMs, truth * Rigid3::Translation({0.4, 0, 0.2}));
   lost.velocity_of_poses = false;
-  lost.covariance_event = std::pow(0.2, 2) * Matrix6d::Identity();
+  lost.covariance_in_chapter = std::pow(0.2, 2) * Matrix6d::Identity();
   const auto map = add(10, truth, lost);
   ASSERT_TRUE(map);
   EXPECT_TRUE(map->found_by_depth);

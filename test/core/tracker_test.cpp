@@ -971,6 +971,7 @@ TEST(Tracker, AsksForANewMapInAnUnknownViewAndGoesOnInItsChapterWithoutCertainty
   EXPECT_FALSE(pose->needs_map);
   EXPECT_LT(Log(map->T_world_ref.inverse() * pose->T_world_event).norm(), 2e-3);
   EXPECT_GT(pose->covariance_event(0, 0), 0.01);  // where the chapter began was a guess
+  EXPECT_LT(pose->covariance_in_chapter(0, 0), 1e-4);
 }
 
 TEST(Tracker, BeginsAnewWhereDepthFoundItAndIsCertainOfThatOnceItIsLost) {

@@ -58,6 +58,7 @@ PoseEstimate SomePose() {
   estimate.velocity_of_poses = true;
   estimate.acceleration_event << 7, 8, 9, 10, 11, 12;
   for (int i = 0; i < 36; ++i) estimate.covariance_event(i / 6, i % 6) = i;
+  estimate.covariance_in_chapter = 0.5 * estimate.covariance_event;
   estimate.state = TrackingState::kLost;
   estimate.reference_id = 5;
   estimate.points_used = 1800;
@@ -159,6 +160,7 @@ TEST(CoreMessages, APoseReadAsItsMessageHasTheSameContent) {
   EXPECT_TRUE(message.velocity_of_poses);
   EXPECT_DOUBLE_EQ(message.acceleration_event[0], 7);
   EXPECT_DOUBLE_EQ(message.covariance_event[1 * 6 + 2], estimate.covariance_event(1, 2));
+  EXPECT_DOUBLE_EQ(message.covariance_in_chapter[1 * 6 + 2], estimate.covariance_in_chapter(1, 2));
   EXPECT_EQ(message.state, TrackedPose::LOST);
   EXPECT_EQ(message.reference_id, 5);
   EXPECT_EQ(message.points_used, 1800);

@@ -42,6 +42,8 @@ struct PoseEstimate {
   /// Change of that velocity, m/s^2 and rad/s^2; zero where no inertial sensor tells.
   Vector6d acceleration_event = Vector6d::Zero();
   Matrix6d covariance_event = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] (m, rad) in the event frame
+  /// The same without what is not known of where the map's chapter lies in the world, by which all in it is off alike.
+  Matrix6d covariance_in_chapter = Matrix6d::Zero();
   /// T_world_event is where the camera was at `t_ns` also where events are late; `t_edges_ns` is the events' own time.
   SensorDelays delays;
   InertialFit inertial_fit;

@@ -118,7 +118,7 @@ class Tracker {
   /// By how much events are later than an inertial sensor, s; 0 where that is late, which says nothing of others.
   double DelayAgainstInertial() const;
   SensorDelays Delays() const;
-  /// What the filter states, by how large errors are seen to be, and what is not known of time and chapter.
+  /// Within the chapter: what the filter states, by how large errors are seen to be, and what is not known of time.
   Matrix6d StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const;
   ErrorsAlike ErrorsAlikeIn(const Surface& surface) const;
   /// On to the surface's edges, which are later than the pose.

@@ -73,8 +73,9 @@ DepthAligner::DepthAligner(const Camera& camera)
       image_size_(camera.width(), camera.height()), cell_px_(std::max(1, camera.width() / kColumns)),
       columns_((camera_.width() + cell_px_ - 1) / cell_px_), rows_((camera_.height() + cell_px_ - 1) / cell_px_) {
   const int step = std::min(kPixelStep, cell_px_);
-  const double samples_in_a_row = cell_px_ / step * camera.fx() / camera_.fx();
-  full_ = static_cast<int>(samples_in_a_row * samples_in_a_row);
+  const int samples_in_a_row = cell_px_ / step;
+  const double shrunk = camera_.fx() / camera.fx();
+  full_ = static_cast<int>(samples_in_a_row * samples_in_a_row / (shrunk * shrunk));
   for (int y = 0; y < camera.height(); y += step) {
     for (int x = 0; x < camera.width(); x += step) {
       const auto ray = camera.Unproject({x, y});

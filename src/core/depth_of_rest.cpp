@@ -32,7 +32,8 @@ bool DepthOfRest::Fits(const Surface& surface) {
     events_ = 0;
     return false;
   }
-  events_ += span_s * surface.activity_hz * sensor_pixels_;
+  // Of the undistorted image's pixels, not the sensor's: edges are as many, and move as far, in its larger ones.
+  events_ += span_s * surface.activity_hz * static_cast<double>(surface.image.total());
   const double events_per_edge = events_ / std::max(1.0, static_cast<double>(surface.edges.size()));
   if (events_per_edge > kMostEvents) depth_.reset();
   return depth_ && !surface.still && events_per_edge >= kLeastEvents;

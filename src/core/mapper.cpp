@@ -56,7 +56,7 @@ Rig DepthImageRig(Rig rig) {
 Mapper::Mapper(const Rig& rig, const OdometryOptions& options)
     : rig_(DepthImageRig(rig)), options_(options), camera_(rig.event_camera.Undistorted()),
       registration_(camera_, rig_.depth_camera, options.mapping), lidar_(camera_, rig.T_event_depth, options.mapping),
-      map_(camera_, options.mapping), depth_of_rest_(rig.event_camera), depth_keyframes_(rig_, options.mapping) {}
+      map_(camera_, options.mapping), depth_keyframes_(rig_, options.mapping) {}
 
 void Mapper::Reset() {
   surfaces_.clear();

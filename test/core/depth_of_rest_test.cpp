@@ -22,11 +22,9 @@ Surface SurfaceAt(std::int64_t t_ns, double activity_hz) {
   return surface;
 }
 
-const Camera kCamera(100, 100, 100, 100, 50, 50, "none", {});
-
 /// With the image of 100 ms, which is the first.
 DepthOfRest AtRest() {
-  DepthOfRest rest(kCamera);
+  DepthOfRest rest;
   rest.Keep(ImageAt(100 * kMs), SurfaceAt(100 * kMs, 0));
   return rest;
 }

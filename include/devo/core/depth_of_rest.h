@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <optional>
 
-#include "devo/core/camera.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/surface.h"
 
@@ -18,9 +17,6 @@ namespace devo {
 /// its pixels. Where images come often it keeps none: the next one is better. Not thread-safe.
 class DepthOfRest {
  public:
-  /// Surfaces are this camera's.
-  explicit DepthOfRest(const Camera& event_camera) : sensor_pixels_(event_camera.width() * event_camera.height()) {}
-
   /// An image, and the surface of its time, which shows no motion: in place of the one before, which came earlier.
   void Keep(const DepthImage& depth, const Surface& surface);
 
@@ -33,7 +29,6 @@ class DepthOfRest {
   void Clear();
 
  private:
-  int sensor_pixels_;
   std::optional<DepthImage> depth_;
   std::optional<std::int64_t> last_ns_;  // time of the last image
   std::int64_t counted_ns_ = 0;          // time of the last surface

@@ -56,6 +56,7 @@ class EventWindow {
  public:
   explicit EventWindow(const Camera& camera) : undistorted_(camera.Undistorted()), rays_(RayTable(camera)) {}
 
+  const Camera& undistorted() const { return undistorted_; }
   void Add(EventSpan events) { events_.insert(events_.end(), events.begin(), events.end()); }
   void ForgetBefore(std::int64_t t_ns) {
     while (!events_.empty() && events_.front().t_ns < t_ns) events_.pop_front();
@@ -215,7 +216,7 @@ class Checker {
     const auto half_ns =
         static_cast<std::int64_t>(static_cast<double>(widest_ns) * std::min(1.0, kEventShare * pixels / count));
     const std::vector<Silhouette> points =
-        ProjectSilhouettes(depth.depth_m, depth_rays_, rig_.T_event_depth, rig_.event_camera.Undistorted());
+        ProjectSilhouettes(depth.depth_m, depth_rays_, rig_.T_event_depth, window_.undistorted());
     if (points.size() < kMinPoints) return;
 
     for (std::size_t i = 0; i < curve_.offset_s.size(); ++i) {

@@ -112,8 +112,7 @@ cv::Mat2f UndistortionMap(const Camera& camera) {
   cv::Mat2f map(undistorted.height(), undistorted.width());
   for (int y = 0; y < map.rows; ++y) {
     for (int x = 0; x < map.cols; ++x) {
-      const auto ray = undistorted.Unproject({x, y});
-      const auto u = ray ? camera.Project(*ray) : std::nullopt;
+      const auto u = camera.Project(*undistorted.Unproject({x, y}));
       map(y, x) = u ? cv::Vec2f(static_cast<float>(u->x()), static_cast<float>(u->y())) : cv::Vec2f(-1e4F, -1e4F);
     }
   }

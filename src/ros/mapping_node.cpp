@@ -120,6 +120,7 @@ void MappingNode::OnRig(const ResolvedRig& rig) {
     const std::lock_guard<std::mutex> lock(mutex_);
     new_mapper_ = std::make_unique<Mapper>(rig.rig, config_.odometry);
     resolved_ = rig;
+    undistorted_ = rig.rig.event_camera.Undistorted();
     T_odom_world_ = initial_pose_ * rig.T_event_base.value_or(Rigid3()).inverse();
   }
   worker_->Wake();
@@ -293,10 +294,9 @@ void MappingNode::Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEs
 void MappingNode::JudgeAlignment(const Mapper::Match& match) {
   if (std::abs(SecondsFromNs(match.depth.t_ns - judged_ns_)) < kJudgePeriod_s || match.surface->still) return;
   judged_ns_ = match.depth.t_ns;
-  const Camera camera = resolved_.rig.event_camera.Undistorted();
   const SilhouetteFit fit =
-      FitSilhouettes(ProjectSilhouettes(match.depth.depth_m, DepthRays(), match.T_event_depth, camera), *match.surface,
-                     match.velocity_event, camera);
+      FitSilhouettes(ProjectSilhouettes(match.depth.depth_m, DepthRays(), match.T_event_depth, undistorted_),
+                     *match.surface, match.velocity_event, undistorted_);
   if (fit.silhouettes == 0) return;
   const std::lock_guard<std::mutex> lock(mutex_);
   alignment_.push_back(fit);
@@ -325,17 +325,15 @@ void MappingNode::PublishGlobalMap() {
 
 const cv::Mat2f& MappingNode::DepthRays() {
   if (depth_rays_.empty()) {
-    const Rig& rig = resolved_.rig;
     // What a LiDAR's sweeps become is in the undistorted event image.
-    depth_rays_ = RayTable(rig.depth_from_lidar ? rig.event_camera.Undistorted() : rig.depth_camera);
+    depth_rays_ = RayTable(resolved_.rig.depth_from_lidar ? undistorted_ : resolved_.rig.depth_camera);
   }
   return depth_rays_;
 }
 
 void MappingNode::DrawDepthOverlay(const DepthImage& depth, const Rigid3& T_event_depth) {
   if (!last_surface_ || overlay_publisher_.getNumSubscribers() == 0) return;
-  const cv::Mat3b picture =
-      RenderDepthOverlay(*last_surface_, depth, DepthRays(), T_event_depth, resolved_.rig.event_camera.Undistorted());
+  const cv::Mat3b picture = RenderDepthOverlay(*last_surface_, depth, DepthRays(), T_event_depth, undistorted_);
   overlay_publisher_.publish(ToImageMsg(picture, depth.t_ns, resolved_.event_frame));
 }
 

@@ -34,7 +34,8 @@ class Camera {
   /// The undistorted image: same focal lengths, no distortion. A lens with barrel distortion sees more than an image of
   /// the sensor's size holds (of a DAVIS' events, a quarter): it is larger by as many whole pixels on each side as the
   /// lens sees of all of that side, at most a quarter of width or height. Its pixels are those of the sensor's size,
-  /// shifted: `cx` and `cy` say by how much. Without distortion it is the camera itself.
+  /// shifted: `cx` and `cy` say by how much. Without distortion it is the camera itself. All pixels of the rim are
+  /// unprojected for it: to be kept, not asked for at each image.
   Camera Undistorted() const;
 
   /// The same view in an image that is at most so large, in pixels, and not larger than this one.

@@ -84,6 +84,7 @@ class MappingNode {
   std::unique_ptr<Mapper> new_mapper_;
   bool options_changed_ = false;  // in config_.odometry, until the worker's mapper has them
   ResolvedRig resolved_;
+  Camera undistorted_;  // event camera, as surfaces show it
   Rigid3 T_odom_world_;
   MappingCounters counters_;
   SceneDepth scene_depth_;

@@ -374,34 +374,4 @@ std::optional<DepthRegistration::EdgeDepth> DepthRegistration::DepthAt(float x, 
   return EdgeDepth{z, std::sqrt(squares) * one_of + 1e-4F, silhouette};
 }
 
-SceneDepth DepthRegistration::MakeSceneDepth(std::int64_t t_ns) const {
-  constexpr int kGrid = SceneDepth::kCell_px / kCell;
-  SceneDepth scene;
-  scene.t_ns = t_ns;
-  std::vector<float> all;
-  for (const float z : cell_depth_) {
-    if (z > 0) all.push_back(z);
-  }
-  if (all.size() < 16) return scene;
-  std::nth_element(all.begin(), all.begin() + all.size() / 2, all.end());
-  scene.median_m = all[all.size() / 2];
-  scene.inverse_depth.create((cell_depth_.rows + kGrid - 1) / kGrid, (cell_depth_.cols + kGrid - 1) / kGrid);
-  for (int gy = 0; gy < scene.inverse_depth.rows; ++gy) {
-    for (int gx = 0; gx < scene.inverse_depth.cols; ++gx) {
-      double sum = 0;
-      int count = 0;
-      for (int y = gy * kGrid; y < std::min((gy + 1) * kGrid, cell_depth_.rows); ++y) {
-        for (int x = gx * kGrid; x < std::min((gx + 1) * kGrid, cell_depth_.cols); ++x) {
-          if (cell_depth_(y, x) > 0) {
-            sum += 1.0 / cell_depth_(y, x);
-            ++count;
-          }
-        }
-      }
-      scene.inverse_depth(gy, gx) = static_cast<float>(count ? sum / count : 1.0 / scene.median_m);
-    }
-  }
-  return scene;
-}
-
 }  // namespace devo

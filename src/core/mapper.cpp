@@ -8,6 +8,7 @@
 #include "devo/core/depth_guess.h"
 #include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
+#include "devo/core/scene_depth.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -314,7 +315,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const M
   }
   ++of_depth->depth_used;
   read_share_ = static_cast<double>(readings) / static_cast<double>(depth.depth_m.total());
-  scene_depth_ = registration_.MakeSceneDepth(depth.t_ns);
+  scene_depth_ = MakeSceneDepth(depth.t_ns, registration_.nearest_depth());
   // At a guessed pose it would hide points that are in view, and be measured where it is not, once the pose is found.
   if (!map_.empty() && !trackable_ && !move.found && !begin_chapter_) return false;
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};

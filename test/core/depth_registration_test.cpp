@@ -252,26 +252,5 @@ TEST(DepthRegistration, KeepsTheNearestDepthOfEachCellForOcclusion) {
   EXPECT_EQ(registration.nearest_depth()(20, 20), 0.0F);
 }
 
-TEST(SceneDepthOfAnImage, HasTheMedianAndTheInverseDepthOfEachPlace) {
-  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
-  cv::Mat1f depth(120, 160, 2.0F);
-  depth.colRange(0, 64).setTo(1.0F);
-  depth.rowRange(96, 120).setTo(0);
-  registration.Warp({0, depth}, Rigid3(), {});
-  const SceneDepth scene = registration.MakeSceneDepth(42);
-  EXPECT_EQ(scene.t_ns, 42);
-  EXPECT_EQ(scene.median_m, 2);
-  EXPECT_FLOAT_EQ(scene.inverse_depth(2, 1), 1.0F);
-  EXPECT_FLOAT_EQ(scene.inverse_depth(2, 7), 0.5F);
-  EXPECT_FLOAT_EQ(scene.inverse_depth(7, 1), 0.5F);  // a hole: the median
-}
-
-TEST(SceneDepthOfAnImage, IsUnknownWithoutReadings) {
-  DepthRegistration registration(EventCamera(), EventCamera(), MappingOptions());
-  registration.Warp({0, cv::Mat1f(120, 160, 0.0F)}, Rigid3(), {});
-  EXPECT_EQ(registration.MakeSceneDepth(42).median_m, 0);
-  EXPECT_TRUE(registration.MakeSceneDepth(42).inverse_depth.empty());
-}
-
 }  // namespace
 }  // namespace devo

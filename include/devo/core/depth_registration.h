@@ -61,9 +61,6 @@ class DepthRegistration {
     return cell_depth_(static_cast<int>(y) / kCell, static_cast<int>(x) / kCell) > 0;
   }
 
-  /// Median and coarse grid of the last warped image; holes are filled with the median.
-  SceneDepth MakeSceneDepth(std::int64_t t_ns) const;
-
  private:
   struct Reading {
     float u, v, z;

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "devo/core/scene_depth.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "devo/core/depth_registration.h"
+
+namespace devo {
+namespace {
+
+constexpr std::size_t kMinReadings = 16;  // cells
+
+/// 0 with too few readings.
+double MedianOf(const cv::Mat1f& nearest_depth_m) {
+  std::vector<float> readings;
+  for (const float z_m : nearest_depth_m) {
+    if (z_m > 0) readings.push_back(z_m);
+  }
+  if (readings.size() < kMinReadings) return 0;
+  const auto middle = readings.begin() + static_cast<std::ptrdiff_t>(readings.size() / 2);
+  std::nth_element(readings.begin(), middle, readings.end());
+  return *middle;
+}
+
+/// Of values of one square of the grid.
+struct Mean {
+  double sum = 0;
+  int count = 0;
+
+  void Add(double value) {
+    sum += value;
+    ++count;
+  }
+};
+
+/// Of the readings' inverse depth, 1/m.
+Mean InverseDepthIn(const cv::Mat1f& square_m) {
+  Mean mean;
+  for (const float z_m : square_m) {
+    if (z_m > 0) mean.Add(1.0 / z_m);
+  }
+  return mean;
+}
+
+}  // namespace
+
+SceneDepth MakeSceneDepth(std::int64_t t_ns, const cv::Mat1f& nearest_depth_m) {
+  constexpr int kSide = SceneDepth::kCell_px / DepthRegistration::kCell;
+  SceneDepth scene;
+  scene.t_ns = t_ns;
+  scene.median_m = MedianOf(nearest_depth_m);
+  if (scene.median_m == 0) return scene;
+  scene.inverse_depth.create((nearest_depth_m.rows + kSide - 1) / kSide, (nearest_depth_m.cols + kSide - 1) / kSide);
+  const cv::Rect all({}, nearest_depth_m.size());
+  for (int row = 0; row < scene.inverse_depth.rows; ++row) {
+    for (int column = 0; column < scene.inverse_depth.cols; ++column) {
+      const cv::Rect square(column * kSide, row * kSide, kSide, kSide);
+      const Mean mean = InverseDepthIn(nearest_depth_m(square & all));
+      scene.inverse_depth(row, column) = static_cast<float>(mean.count ? mean.sum / mean.count : 1 / scene.median_m);
+    }
+  }
+  return scene;
+}
+
+}  // namespace devo

@@ -24,7 +24,10 @@ constexpr double kMargin_px = 3;  // from the image's border, where edges of a d
 // The local map is composed anew when the view has moved by this share of the scene's depth, or this angle.
 constexpr double kViewShare = 0.03, kViewAngle_rad = 0.05;
 constexpr std::size_t kExplainedStep = 8;
+// Between depth images the map is observed, and grows, this often. It is observed wherever the view is another one,
+// too, once a depth image has not come for as long.
 constexpr double kObserveEvery_s = 0.04;
+constexpr double kSceneMoved = 0.5;  // cells of the scene's depth: from there on it is seen anew
 // Where a depth camera reads less of its image, most things are beyond its range, and farther than those around them. A
 // point that is guessed too near takes its depth from the way, and the way then its length from such points, unless it
 // is as well known as this: m, or as a share of it.
@@ -81,9 +84,9 @@ void Mapper::Reset() {
   T_world_local_.reset();
   scene_depth_ = SceneDepth();
   last_match_ = Match();
-  T_world_refined_ = Rigid3();
+  T_world_refined_ = T_world_observed_ = T_world_scene_ = Rigid3();
   way_m_ = read_share_ = 0;
-  observed_ns_ = 0;
+  observed_ns_ = extended_ns_ = 0;
 }
 
 void Mapper::SetOptions(const OdometryOptions& options) {
@@ -316,6 +319,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const M
   ++of_depth->depth_used;
   read_share_ = static_cast<double>(readings) / static_cast<double>(depth.depth_m.total());
   scene_depth_ = MakeSceneDepth(depth.t_ns, registration_.nearest_depth());
+  T_world_scene_ = T_world_event;
   // At a guessed pose it would hide points that are in view, and be measured where it is not, once the pose is found.
   if (!map_.empty() && !trackable_ && !move.found && !begin_chapter_) return false;
   last_match_ = {depth, surface, T_surface_depthtime * rig_.T_event_depth, velocity_};
@@ -338,6 +342,7 @@ bool Mapper::Process(const DepthImage& depth, const SurfacePtr& surface, const M
     return false;
   }
   auto visible = Observe(*surface, T_world_event);
+  extended_ns_ = surface->t_edges_ns;
   map_.LeaveGuessed([this](const auto& point) { return registration_.HasReadingAt(point.u, point.v); }, &visible);
   map_.DropUnproven();
   const bool added = AddReference(*surface, T_world_event, map_.ExplainedEdges(*surface, visible));
@@ -351,28 +356,59 @@ std::vector<ReferenceMap::Visible> Mapper::Observe(const Surface& surface, const
   if (new_view) T_world_refined_ = T_world_event;
   map_.Observe(surface, visible, {T_world_event, velocity_, options_.surface.edge_lag_px, new_view});
   observed_ns_ = surface.t_edges_ns;
+  T_world_observed_ = T_world_event;
   return visible;
 }
 
 bool Mapper::ObserveBetweenDepths() {
   if (!options_.mapping.reuse_references || map_.empty() || !trackable_ || surfaces_.empty()) return false;
   const Surface& surface = *surfaces_.back();
-  if (surface.still || SecondsFromNs(surface.t_edges_ns - observed_ns_) < kObserveEvery_s) return false;
-  if (poses_.empty() || poses_.last_time_ns() != surface.t_edges_ns) return false;
+  if (surface.still || poses_.empty() || poses_.last_time_ns() != surface.t_edges_ns) return false;
   const Rigid3& T_world_event = poses_.last();
-  DepthGuess guess(Observe(surface, T_world_event), camera_);
+  if (!IsToObserve(surface.t_edges_ns, T_world_event)) return false;
+  const auto visible = Observe(surface, T_world_event);
+  if (SecondsFromNs(surface.t_edges_ns - extended_ns_) < kObserveEvery_s) return false;
+  extended_ns_ = surface.t_edges_ns;
+  return ExtendBetweenDepths(surface, T_world_event, visible);
+}
+
+bool Mapper::ExtendBetweenDepths(const Surface& surface, const Rigid3& T_world_event,
+                                 const std::vector<ReferenceMap::Visible>& visible) {
+  DepthGuess guess(visible, camera_);
   const auto beside = EdgesBesideTheMap(surface, guess);
+  const bool scene_moved = SceneMoved(T_world_event);
+  if (beside.empty() && !scene_moved) return false;
+  ViewLastDepth(T_world_event, beside);
+  if (scene_moved) {
+    scene_depth_ = MakeSceneDepth(surface.t_edges_ns, registration_.nearest_depth(), visible, scene_depth_.median_m);
+    T_world_scene_ = T_world_event;
+  }
   if (beside.empty()) return false;
   const bool measured = MeasureBesideTheMap(surface, T_world_event, beside);
   return GuessBesideTheMap(surface, T_world_event, beside, &guess) || measured;
 }
 
+bool Mapper::IsToObserve(std::int64_t t_ns, const Rigid3& T_world_event) const {
+  if (SecondsFromNs(t_ns - observed_ns_) >= kObserveEvery_s) return true;
+  return SecondsFromNs(t_ns - last_match_.depth.t_ns) >= kObserveEvery_s &&
+         ViewsApart(T_world_observed_.inverse() * T_world_event, MedianDepth()) > kNewView;
+}
+
+bool Mapper::SceneMoved(const Rigid3& T_world_event) const {
+  if (!options_.mapping.ideas.follow_scene) return false;
+  return ViewsApart(T_world_scene_.inverse() * T_world_event, MedianDepth()) >
+         kSceneMoved * SceneDepth::kCell_px / camera_.fx();
+}
+
+void Mapper::ViewLastDepth(const Rigid3& T_world_event, const std::vector<const EdgePoint*>& wanted) {
+  std::vector<EdgePoint> edges;
+  edges.reserve(wanted.size());
+  for (const EdgePoint* edge : wanted) edges.push_back(*edge);
+  registration_.Warp(last_match_.depth, T_world_event.inverse() * T_world_depth_, edges);
+}
+
 bool Mapper::MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
                                  const std::vector<const EdgePoint*>& beside) {
-  std::vector<EdgePoint> edges;
-  edges.reserve(beside.size());
-  for (const EdgePoint* edge : beside) edges.push_back(*edge);
-  registration_.Warp(last_match_.depth, T_world_event.inverse() * T_world_depth_, edges);
   std::vector<MapPoint> points;
   registration_.ForDepths(beside, [&](const EdgePoint& edge, const auto& depth) {
     if (depth) points.push_back(MakePoint(edge, depth->z_m, surface.window_s));

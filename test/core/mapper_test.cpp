@@ -274,6 +274,51 @@ TEST(Mapper, MeasuresEdgesBesideTheMapWithTheLastDepthImageWhereNoOtherComes) {
   for (const MapPoint& point : mapper.GlobalMap()) EXPECT_NEAR(point.p_ref.z(), 2, 1e-2);
 }
 
+Rigid3 TurnedRight(double angle_rad) {
+  return {Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitY())), Eigen::Vector3d::Zero()};
+}
+
+TEST(Mapper, LetsTheScenesDepthFollowTheViewBetweenDepthImagesUnlessThatIsSwitchedOff) {
+  for (const bool follow : {true, false}) {
+    OdometryOptions options;
+    options.mapping.ideas.follow_scene = follow;
+    Mapper mapper(TestRig(), options);
+    mapper.AddSurface(SurfaceAt(100 * kMs, Edges(400, 16)));
+    DepthImage near_on_the_right = Wall(100 * kMs);
+    near_on_the_right.depth_m.colRange(112, 160).setTo(1);
+    mapper.AddDepth(near_on_the_right);
+    ASSERT_TRUE(mapper.Update());
+    EXPECT_FLOAT_EQ(mapper.scene_depth().inverse_depth(3, 5), 0.5F);
+    mapper.AddSurface(SurfaceAt(150 * kMs, Edges(400, 16)));
+    mapper.AddPose(PoseAt(150 * kMs, TurnedRight(0.4)));  // by 50 px
+    mapper.Update();
+    const SceneDepth& after = mapper.scene_depth();
+    EXPECT_EQ(after.t_ns, (follow ? 150 : 100) * kMs);
+    EXPECT_NEAR(after.inverse_depth(3, 5), follow ? 0.9 : 0.5, 0.05);  // 1 m along the axis of before
+  }
+}
+
+/// Points left of a map whose edges are not seen again for 150 ms, in which the camera turns that fast, and another
+/// depth image comes.
+std::size_t PointsLeftAfterTurning(double rad_s) {
+  Mapper mapper = WithFirstReference();
+  for (int k = 1; k <= 15; ++k) {
+    PoseEstimate pose = PoseAt((100 + 10 * k) * kMs, TurnedRight(-0.01 * rad_s * k));
+    pose.velocity_event << 1, 0, 0, 0, 0, 0;  // clear motion: their edges would show
+    mapper.AddSurface(SurfaceAt(pose.t_ns, {}));
+    mapper.AddPose(pose);
+    mapper.Update();
+  }
+  mapper.AddDepth(Wall(250 * kMs));
+  mapper.Update();
+  return mapper.GlobalMap().size();
+}
+
+TEST(Mapper, ObservesTheMapFromEachOtherViewWhereDepthImagesComeSeldom) {
+  EXPECT_EQ(PointsLeftAfterTurning(0.2), 400U);  // seen four times: too seldom to judge them
+  EXPECT_LT(PointsLeftAfterTurning(2), 100U);
+}
+
 TEST(Mapper, WithoutReuseKeepsOnlyTheNewestReference) {
   OdometryOptions options;
   options.mapping.reuse_references = false;
@@ -306,7 +351,9 @@ TEST(Mapper, MeetsADepthImageThatComesLateWithTheSurfaceAndPoseOfItsTime) {
   // 1 m/s to the right; the surface at 200 ms alone shows something new.
   for (int ms = 110; ms <= 300; ms += 10) {
     mapper.AddSurface(SurfaceAt(ms * kMs, ms == 200 ? Edges(200, 120) : Edges(100, 16)));
-    mapper.AddPose(PoseAt(ms * kMs, Rigid3::Translation({0.001 * (ms - 100), 0, 0})));
+    PoseEstimate pose = PoseAt(ms * kMs, Rigid3::Translation({0.001 * (ms - 100), 0, 0}));
+    pose.state = TrackingState::kDegraded;  // by such poses the map does not grow between depth images
+    mapper.AddPose(pose);
     mapper.Update();
   }
   mapper.AddDepth(Wall(200 * kMs));

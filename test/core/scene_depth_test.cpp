@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/scene_depth.h"
 
+#include <vector>
+
 #include <gtest/gtest.h>
 
 #include "devo/core/depth_registration.h"
@@ -23,6 +25,35 @@ TEST(SceneDepthOfAView, HasTheMedianAndTheInverseDepthOfEachPlace) {
   EXPECT_FLOAT_EQ(scene.inverse_depth(2, 1), 1.0F);
   EXPECT_FLOAT_EQ(scene.inverse_depth(2, 7), 0.5F);
   EXPECT_FLOAT_EQ(scene.inverse_depth(7, 1), 0.5F);  // a hole: the median
+}
+
+/// Points of that depth at one place of the view.
+std::vector<ReferenceMap::Visible> Points(int count, float u, float v, float z_m) {
+  ReferenceMap::Visible point{};
+  point.u = u;
+  point.v = v;
+  point.p_event = {0, 0, z_m};
+  return std::vector<ReferenceMap::Visible>(static_cast<std::size_t>(count), point);
+}
+
+TEST(SceneDepthOfAView, HasTheMapsPointsWhereThereIsNoReading) {
+  cv::Mat1f nearest = NearestDepth(2);
+  nearest.rowRange(24, 30).setTo(0);
+  std::vector<ReferenceMap::Visible> points = Points(3, 40, 118, 4);
+  const std::vector<ReferenceMap::Visible> strays = Points(2, 60, 118, 4), read = Points(3, 40, 40, 4);
+  points.insert(points.end(), strays.begin(), strays.end());
+  points.insert(points.end(), read.begin(), read.end());
+  const SceneDepth scene = MakeSceneDepth(42, nearest, points);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(7, 2), 0.25F);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(7, 3), 0.5F);  // two points may be strays
+  EXPECT_FLOAT_EQ(scene.inverse_depth(2, 2), 0.5F);  // readings tell better
+}
+
+TEST(SceneDepthOfAView, KeepsTheMedianOfBeforeWithoutReadings) {
+  const SceneDepth scene = MakeSceneDepth(42, NearestDepth(0), Points(3, 40, 118, 4), 1);
+  EXPECT_EQ(scene.median_m, 1);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(7, 2), 0.25F);
+  EXPECT_FLOAT_EQ(scene.inverse_depth(7, 3), 1);
 }
 
 TEST(SceneDepthOfAView, IsUnknownWithoutReadings) {

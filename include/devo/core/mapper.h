@@ -113,12 +113,22 @@ class Mapper {
   /// The newest surface, where depth images come too seldom for the map to be observed with them alone. Returns whether
   /// the map grew.
   bool ObserveBetweenDepths();
+  /// What the last depth image, seen from here, tells of the scene's depth and of edges beside the map. Returns whether
+  /// the map grew.
+  bool ExtendBetweenDepths(const Surface& surface, const Rigid3& T_world_event,
+                           const std::vector<ReferenceMap::Visible>& visible);
+  /// Whether it is time to, or the view is another one and depth images come seldom.
+  bool IsToObserve(std::int64_t t_ns, const Rigid3& T_world_event) const;
+  /// Whether the scene's depth is of a view so far from this one that its places are others.
+  bool SceneMoved(const Rigid3& T_world_event) const;
+  /// Warps the last depth image to here, with readings around those edges.
+  void ViewLastDepth(const Rigid3& T_world_event, const std::vector<const EdgePoint*>& wanted);
   /// Whether the pose is known so well that what has no depth may be added at a guess.
   bool MayGuess() const;
   /// Edges where the map has no points, if they are enough to hold the pose, and it is known well enough to add them.
   std::vector<const EdgePoint*> EdgesBesideTheMap(const Surface& surface, const DepthGuess& guess) const;
-  /// Those of which the last depth image, seen from here, tells the depth become points of the map. Returns whether
-  /// they did.
+  /// Those of which the last depth image tells the depth (it must have been warped to here) become points of the map.
+  /// Returns whether they did.
   bool MeasureBesideTheMap(const Surface& surface, const Rigid3& T_world_event,
                            const std::vector<const EdgePoint*>& beside);
   /// Those of which it has no reading (it must have been warped to here) become points of a guessed depth. Returns
@@ -164,10 +174,13 @@ class Mapper {
   std::optional<ReferenceMap::Occluder> occluder_;  // of the last depth image
   std::optional<Rigid3> T_world_local_;             // view of the last local map
   Rigid3 T_world_refined_;                          // view that refined the map last
-  std::int64_t observed_ns_ = 0;                    // time of the last surface in which the map was observed
+  Rigid3 T_world_observed_;                         // view of the last surface in which the map was observed
+  std::int64_t observed_ns_ = 0;                    // its time
+  std::int64_t extended_ns_ = 0;                    // time of the last one by which the map might grow
   bool options_changed_ = false;                    // since the last local map
   int local_maps_ = 0;
   SceneDepth scene_depth_;
+  Rigid3 T_world_scene_;  // its view
   Match last_match_;
   Rigid3 T_world_depth_;  // of its depth image
   std::uint64_t epoch_ = 0;

@@ -23,6 +23,7 @@ struct SurfaceIdeas {
 struct MappingIdeas {
   bool depth_of_rest = true;
   bool move_depth = true;
+  bool follow_scene = true;
   bool hide_points = true;
   bool flying_pixels = true;
   bool surrounded_depth = true;
@@ -125,6 +126,9 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "the first map may be of the depth image of the rest before; false: it waits for one of the motion");
   visit("ablation.move_depth", mapping.move_depth,
         "depth images are moved to the surface's time; false: taken as if made then");
+  visit("ablation.follow_scene", mapping.follow_scene,
+        "between depth images, the depth of each place by which events are moved follows the view; false: it stays as "
+        "the last depth image saw it");
   visit("ablation.hide_points", mapping.hide_points,
         "points behind what the depth camera saw last are hidden; false: none is");
   visit("ablation.flying_pixels", mapping.flying_pixels,

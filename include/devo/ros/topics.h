@@ -11,7 +11,7 @@ namespace topics {
 constexpr char kSurface[] = "time_surface";         // TimeSurface, per surface
 constexpr char kTrackedPose[] = "tracked_pose";     // TrackedPose, per surface
 constexpr char kSemiDenseMap[] = "semi_dense_map";  // SemiDenseMap, per new local map
-constexpr char kSceneDepth[] = "scene_depth";       // SceneInverseDepth, per depth image
+constexpr char kSceneDepth[] = "scene_depth";       // SceneInverseDepth, where it changed
 constexpr char kDepthPose[] = "depth_pose";         // PoseByDepth, per depth image that could be aligned
 constexpr char kTunedOptions[] = "tuned_options";   // dynamic_reconfigure/Config, latched, per change
 

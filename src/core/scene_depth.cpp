@@ -46,11 +46,11 @@ Mean InverseDepthIn(const cv::Mat1f& square_m) {
 
 /// Of the points' inverse depth in each square of the grid, row by row.
 std::vector<Mean> InverseDepthOf(const std::vector<ReferenceMap::Visible>& points, const cv::Size& grid) {
-  std::vector<Mean> means(static_cast<std::size_t>(grid.area()));
+  std::vector<Mean> means(grid.area());
   for (const ReferenceMap::Visible& point : points) {
     const int row = static_cast<int>(point.v) / SceneDepth::kCell_px;
     const int column = static_cast<int>(point.u) / SceneDepth::kCell_px;
-    means[static_cast<std::size_t>(row * grid.width + column)].Add(1.0 / point.p_event.z());
+    means[row * grid.width + column].Add(1.0 / point.p_event.z());
   }
   return means;
 }

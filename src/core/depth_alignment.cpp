@@ -5,11 +5,13 @@
 #include <cmath>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_things.h"
+#include "devo/core/median.h"
 
 namespace devo {
 namespace {
@@ -38,15 +40,12 @@ struct Course {
 };
 constexpr Course kNearCourse = {0.01, 2, 10}, kFarCourse = {0.05, 8, 20};
 
-float Median(const std::vector<DepthCells::Cell>& cells) {
+float MedianDepth(const std::vector<DepthCells::Cell>& cells) {
   std::vector<float> depths;
   for (const DepthCells::Cell& cell : cells) {
     if (cell.p.z() > 0) depths.push_back(cell.p.z());
   }
-  if (depths.empty()) return 0;
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
+  return depths.empty() ? 0 : Median(std::move(depths));
 }
 
 }  // namespace
@@ -130,7 +129,7 @@ DepthCells DepthAligner::Reduce(const cv::Mat1f& depth_m, double min_m, double m
   result.columns = columns_;
   AddNormals(&result);
   FindThings(&result);
-  result.median_m = Median(result.cells);
+  result.median_m = MedianDepth(result.cells);
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "devo/core/median.h"
 #include "devo/core/time.h"
 
 namespace devo {
@@ -42,10 +43,7 @@ void DepthContinuity::Note(const Image& image, double apart) {
 
 double DepthContinuity::Usual() const {
   if (apart_.empty()) return kLeastUsual;
-  std::vector<double> apart(apart_.begin(), apart_.end());
-  const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
-  std::nth_element(apart.begin(), middle, apart.end());
-  return std::max(kLeastUsual, *middle);
+  return std::max(kLeastUsual, Median(std::vector<double>(apart_.begin(), apart_.end())));
 }
 
 DepthContinuity::Verdict DepthContinuity::Judge(const Image& image) {

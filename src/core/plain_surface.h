@@ -28,8 +28,7 @@ class PlainSurface {
   void Reset();
 
   /// Fills image, edges, window_s and events_used (pixels that are not yet dark) for the time surface->t_ns, which is
-  /// not before the last event. The image must have the size of the
-  /// undistorted one.
+  /// not before the last event. The image must have the size of the undistorted one.
   void Render(Surface* surface);
 
  private:

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/scene_depth.h"
 
-#include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "devo/core/depth_registration.h"
+#include "devo/core/median.h"
 
 namespace devo {
 namespace {
@@ -13,15 +14,12 @@ constexpr std::size_t kMinReadings = 16;  // cells
 constexpr int kMinPoints = 3;             // of a hole: fewer may be strays
 
 /// 0 with too few readings.
-double MedianOf(const cv::Mat1f& nearest_depth_m) {
+double MedianDepth(const cv::Mat1f& nearest_depth_m) {
   std::vector<float> readings;
   for (const float z_m : nearest_depth_m) {
     if (z_m > 0) readings.push_back(z_m);
   }
-  if (readings.size() < kMinReadings) return 0;
-  const auto middle = readings.begin() + static_cast<std::ptrdiff_t>(readings.size() / 2);
-  std::nth_element(readings.begin(), middle, readings.end());
-  return *middle;
+  return readings.size() < kMinReadings ? 0 : Median(std::move(readings));
 }
 
 /// Of values of one square of the grid.
@@ -62,7 +60,7 @@ SceneDepth MakeSceneDepth(std::int64_t t_ns, const cv::Mat1f& nearest_depth_m,
   constexpr int kSide = SceneDepth::kCell_px / DepthRegistration::kCell;
   SceneDepth scene;
   scene.t_ns = t_ns;
-  const double median_m = MedianOf(nearest_depth_m);
+  const double median_m = MedianDepth(nearest_depth_m);
   scene.median_m = median_m > 0 ? median_m : median_before_m;
   if (scene.median_m == 0) return scene;
   scene.inverse_depth.create((nearest_depth_m.rows + kSide - 1) / kSide, (nearest_depth_m.cols + kSide - 1) / kSide);

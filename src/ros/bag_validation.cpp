@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include <ros/message_traits.h>
 #include <ros/serialization.h>
@@ -15,6 +16,7 @@
 #include <std_msgs/Header.h>
 #include <Eigen/Core>
 
+#include "devo/core/median.h"
 #include "devo/core/time.h"
 #include "devo/ros/bag_file.h"
 #include "devo/ros/bag_reader.h"
@@ -386,8 +388,7 @@ class Validator {
       ++*empty;
       return;
     }
-    std::nth_element(valid.begin(), valid.begin() + static_cast<std::ptrdiff_t>(valid.size() / 2), valid.end());
-    medians->push_back(valid[valid.size() / 2]);
+    medians->push_back(Median(std::move(valid)));
   }
 
   void DescribeDepth(const std::string& topic, double valid_share, const std::vector<float>& medians,

@@ -35,6 +35,8 @@ void AddOptions(devo::CommandLine* line, Arguments* a) {
       "cali (textured boards), table (desk), sofa (living room, few edges), hall (36 m, for LiDAR), or a scene of "
       "your own: copy config/sim/example_scene.yaml");
   line->Add("light", Shown(&s.light), "bright (500 lux), darkish (100), dim (20), dark (3), hdr (dim room, one spot)");
+  line->Add("flicker", Shown(&s.flicker), "modulation of the light, as of lamps at the mains: 0.1 bulbs, 0.4 tubes");
+  line->Add("flicker-rate", devo::ShownNumberIn(&s.flicker_hz, 10, 1000), "times per second that it flickers");
   line->BeginGroup("Motion");
   line->Add("speed", Shown(&s.speed), "slow (0.3 m/s, 30 deg/s), mid (0.8, 80) or fast (1.5, 200)");
   line->Add("trajectory", devo::po::value(&s.trajectory_file),

@@ -20,8 +20,9 @@ namespace {
 constexpr std::int64_t kTick_ns = 1000;
 constexpr double kLongestStep_s = 0.005;
 constexpr double kShortestStep_s = 20e-6;
-constexpr double kRamp_s = 0.4;  // to reach full speed, and to stop
-constexpr int kSubSteps = 16;    // finest grid of EventPixels' probes: four halvings
+constexpr double kLongestOfFlicker = 0.05;  // periods of light that flickers: a step's parabola follows it to 1e-4
+constexpr double kRamp_s = 0.4;             // to reach full speed, and to stop
+constexpr int kSubSteps = 16;               // finest grid of EventPixels' probes: four halvings
 
 void Expect(bool condition, const std::string& what) {
   if (!condition) throw std::invalid_argument(what);
@@ -34,6 +35,8 @@ void Validate(const SequenceOptions& o) {
   Expect(o.frame_rate_hz > 0 && o.frame_rate_hz <= 40, "frame rate = " + text(o.frame_rate_hz) + "; expected 0..40 Hz");
   Expect(o.pose_rate_hz > 0 && o.pose_rate_hz <= 1000, "pose rate = " + text(o.pose_rate_hz) + "; expected 0..1000 Hz");
   Expect(o.max_flow_px > 0 && o.max_flow_px <= 1, "max_flow_px = " + text(o.max_flow_px) + "; expected 0..1 px");
+  Expect(o.flicker >= 0 && o.flicker < 1, "flicker = " + text(o.flicker) + "; expected 0..1, below 1");
+  Expect(o.flicker_hz >= 10 && o.flicker_hz <= 1000, "flicker_hz = " + text(o.flicker_hz) + "; expected 10..1000 Hz");
   Expect(o.accuracy.contrast > 0 && o.accuracy.straightness > 0, "accuracy; expected contrast and straightness > 0");
   Expect(o.chunk_s >= 1e-4 && o.chunk_s <= 1, "chunk = " + text(o.chunk_s) + "; expected 0.0001..1 s");
   Expect(o.rest_s >= 0, "rest = " + text(o.rest_s) + "; expected >= 0 s");
@@ -176,6 +179,15 @@ struct Sequence::Impl {
   double TimeOf(std::int64_t t_ns) const { return SecondsFromNs(t_ns - begin_ns); }
   std::int64_t StampOf(double t_s) const { return begin_ns + NsFromSeconds(t_s); }
 
+  /// How many times its mean the light is.
+  float BrightnessAt(double t_s) const {
+    return static_cast<float>(1 + options.flicker * std::sin(2 * M_PI * options.flicker_hz * t_s));
+  }
+
+  double LongestStep_s() const {
+    return options.flicker > 0 ? std::min(kLongestStep_s, kLongestOfFlicker / options.flicker_hz) : kLongestStep_s;
+  }
+
   /// A renderer of nobody else's for the time of one call.
   template <typename Use>
   void WithRenderer(Use&& use) {
@@ -252,6 +264,7 @@ void Sequence::Impl::Step(std::int64_t t1_ns) {
     return *between[k];
   };
   const float exposed_s = frame_sensor.ExposedShare(t0_ns, t1_ns) * static_cast<float>(SecondsFromNs(t1_ns - t0_ns));
+  const float brightness = BrightnessAt(TimeOf(t1_ns));
   std::vector<std::vector<Event>> events(rays.tile_rows());
   pool.ForEach(rays.tile_rows(), [&](int band) {
     WithRenderer([&](BandRenderer* renderer) {
@@ -259,11 +272,15 @@ void Sequence::Impl::Step(std::int64_t t1_ns) {
       thread_local std::vector<float> next;
       next.assign(static_cast<std::size_t>(RayGrid::kTile) * rays.stride(), 0);
       renderer->Render(view, band, next.data(), &nearest[static_cast<std::size_t>(band) * rays.tile_columns()]);
+      if (options.flicker > 0) {
+        for (float& light : next) light *= brightness;
+      }
       for (int row = first; row < last; ++row) {
         float* old_row = &luminance[static_cast<std::size_t>(row) * rays.stride()];
         const float* new_row = &next[static_cast<std::size_t>(row - first) * rays.stride()];
         const EventPixels::Probe probe = [&](double share, int column) {
-          return renderer->LuminanceOf(view_between(share), row, column);
+          return BrightnessAt(TimeOf(t0_ns) + share * SecondsFromNs(t1_ns - t0_ns)) *
+                 renderer->LuminanceOf(view_between(share), row, column);
         };
         pixels.AdvanceRow(row, t0_ns, t1_ns, new_row, options.accuracy, probe, &events[band]);
         if (exposed_s > 0) frame_sensor.ExposeRow(row, exposed_s, old_row, new_row);
@@ -287,7 +304,7 @@ void Sequence::Impl::Advance(std::int64_t chunk_end_ns) {
     const double ahead_s = t + 5e-4;
     const Vector6d twist = trajectory.VelocityAt(ahead_s);
     const double flow = FastestFlow(twist) + FastestSway(ahead_s);
-    const double dt = std::clamp(options.max_flow_px / std::max(flow, 1e-6), kShortestStep_s, kLongestStep_s);
+    const double dt = std::clamp(options.max_flow_px / std::max(flow, 1e-6), kShortestStep_s, LongestStep_s());
     std::int64_t next_ns = std::min(chunk_end_ns, now_ns + NsFromSeconds(dt) / kTick_ns * kTick_ns);
     // A remainder of a few microseconds is not worth a rendering of its own.
     const std::int64_t left_ns = chunk_end_ns - now_ns;

@@ -120,6 +120,25 @@ TEST(Sequence, HasAlmostNoEventsAtRestInBrightLight) {
   EXPECT_TRUE(still.depth.empty());
 }
 
+TEST(Sequence, FiresBrighterAndDarkerWithLightThatFlickersAtRest) {
+  SequenceOptions options = Small();
+  options.rest_s = 10;
+  options.depth = SequenceOptions::Depth::kNone;
+  options.frames = false;
+  options.duration_s = 0.1;
+  options.flicker = 0.2;  // 0.4 from the darkest to the brightest, of which thresholds are a half
+  const std::vector<Event> events = Record(options).events;
+  EXPECT_GT(events.size(), 240 * 180 * 10);
+  std::size_t alike = 0;
+  for (const Event& event : events) {
+    const std::int64_t in_period_ns = event.t_ns % NsFromSeconds(0.01);
+    // The photoreceptor follows within a millisecond.
+    const bool brightens = in_period_ns < NsFromSeconds(0.0035) || in_period_ns > NsFromSeconds(0.0075);
+    alike += brightens == (event.polarity == 1);
+  }
+  EXPECT_GT(alike, 0.95 * static_cast<double>(events.size()));
+}
+
 TEST(Sequence, SeesAThingThatSwaysBeforeACameraThatStandsWhereItIsAtEachTime) {
   const std::string path = testing::TempDir() + "sway_" + std::to_string(getpid()) + ".yaml";
   std::ofstream(path) << R"(
@@ -221,6 +240,12 @@ TEST(Sequence, NamesTheOptionThatItCannotUse) {
   o = Small();
   o.speed = "warp";
   EXPECT_NE(message(o).find("warp"), std::string::npos);
+  o = Small();
+  o.flicker = 1;
+  EXPECT_NE(message(o).find("flicker = 1"), std::string::npos);
+  o = Small();
+  o.flicker_hz = 0;
+  EXPECT_NE(message(o).find("flicker_hz"), std::string::npos);
   o = Small();
   o.duration_s = 0;
   EXPECT_NE(message(o).find("duration"), std::string::npos);

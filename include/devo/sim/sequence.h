@@ -32,6 +32,8 @@ struct SequenceOptions {
   std::string scene = "table";   ///< a name of SceneNames() or a yaml file
   std::string sensor = "gen3";   ///< a name of EventSensorNames()
   std::string light = "bright";  ///< a name of LightNames()
+  double flicker = 0;            ///< modulation of all light, 0 to 1: a sine of 1 -+ that; frames average it
+  double flicker_hz = 100;       ///< twice the mains' frequency
   std::string speed = "mid";     ///< slow, mid or fast; unused with `trajectory_file`
   std::string trajectory_file;   ///< TUM file with T_world_event, in the scene's world; empty: random motion
   double duration_s = 5;

@@ -328,7 +328,8 @@ void AddOptions(devo::CommandLine* line, Arguments* a) {
             "1: read and compute in turn, else at once; same result");
   line->Add("disturb", devo::Several(&a->disturbances),
             "what to take from the recording or add to it, to test robustness: event_gap=FROM:TO, depth_gap=FROM:TO, "
-            "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE, imu_noise=DEG_S:M_S2 (of each reading); "
+            "depth_latency=SECONDS (s), event_loss=SHARE, hot_pixels=SHARE, flicker=SHARE (of the image, at 100 Hz), "
+            "light=AT:FACTOR (times as bright from then on), imu_noise=DEG_S:M_S2 (of each reading); "
             "or of the calibration: depth_rotation=X:Y:Z, imu_rotation=X:Y:Z (deg), depth_translation=X:Y:Z, "
             "imu_translation=X:Y:Z (m), event_focal=SHARE, "
             "depth_focal=SHARE, gyroscope_bias=X:Y:Z (deg/s), accelerometer_bias=X:Y:Z (m/s^2), gyroscope_scale=SHARE, "

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -14,12 +15,15 @@ namespace devo {
 namespace {
 
 constexpr double kHotPixelRate_hz = 100;
+constexpr const char* kSwitch = "AT:FACTOR, in seconds, and times as bright from then on, above 0";
 
 double NumberIn(const std::string& number, const std::string& text, const char* expected) {
   const auto value = FiniteNumber(number);
   if (!value || *value < 0) throw std::invalid_argument("disturbance '" + text + "': expected " + expected);
   return *value;
 }
+
+bool IsEarlier(const Event& a, const Event& b) { return a.t_ns < b.t_ns; }
 
 /// Two numbers with a colon between.
 std::pair<double, double> PairOf(const std::string& value, const std::string& text, const char* expected) {
@@ -45,25 +49,32 @@ void DisturbanceOptions::Add(const std::string& text) {
     depth_latency_s = NumberIn(value, text, "seconds");
     return;
   }
+  if (key == "light") {
+    const auto [at_s, factor] = PairOf(value, text, kSwitch);
+    if (factor == 0) throw std::invalid_argument("disturbance '" + text + "': expected " + kSwitch);
+    lamps.switches.push_back({at_s, factor});
+    return;
+  }
   if (key == "imu_noise") {
     std::tie(gyroscope_noise_deg_s, accelerometer_noise_m_s2) = PairOf(value, text, "DEG_S:M_S2, in deg/s and m/s^2");
     return;
   }
   if (miscalibration.Add(key, value)) return;
-  if (key != "event_loss" && key != "hot_pixels") {
+  if (key != "event_loss" && key != "hot_pixels" && key != "flicker") {
     throw std::invalid_argument(
         "disturbance '" + text +
         "': expected event_gap=FROM:TO, depth_gap=FROM:TO, depth_latency=SECONDS, "
-        "event_loss=SHARE, hot_pixels=SHARE, imu_noise=DEG_S:M_S2 or an error of the calibration");
+        "event_loss=SHARE, hot_pixels=SHARE, flicker=SHARE, light=AT:FACTOR, imu_noise=DEG_S:M_S2 or an error of the "
+        "calibration");
   }
   constexpr const char* kExpected = "a share from 0 to 1";
   const double share = NumberIn(value, text, kExpected);
   if (share > 1) throw std::invalid_argument("disturbance '" + text + "': expected " + kExpected);
-  (key == "event_loss" ? event_loss : hot_pixel_share) = share;
+  (key == "event_loss" ? event_loss : key == "flicker" ? lamps.flicker_share : hot_pixel_share) = share;
 }
 
 Disturbance::Disturbance(const DisturbanceOptions& options, int width, int height)
-    : options_(options), width_(static_cast<std::uint32_t>(width)) {
+    : options_(options), width_(width), height_(height) {
   const auto pixels = static_cast<std::uint32_t>(width) * static_cast<std::uint32_t>(height);
   for (std::uint32_t pixel = 0; pixel < pixels && options.hot_pixel_share > 0; ++pixel) {
     if (Uniform() < options.hot_pixel_share) hot_pixels_.push_back(pixel);
@@ -97,8 +108,19 @@ Event Disturbance::NextHotEvent() {
   const std::int64_t t_ns = hot_.t_ns + NsFromSeconds(-std::log(1 - Uniform()) / rate_hz);
   const auto chosen = static_cast<std::size_t>(Uniform() * static_cast<double>(hot_pixels_.size()));
   const std::uint32_t pixel = hot_pixels_[chosen];
-  return {t_ns, static_cast<std::uint16_t>(pixel % width_), static_cast<std::uint16_t>(pixel / width_),
+  const auto width = static_cast<std::uint32_t>(width_);
+  return {t_ns, static_cast<std::uint16_t>(pixel % width), static_cast<std::uint16_t>(pixel / width),
           static_cast<std::uint8_t>(Uniform() < 0.5)};
+}
+
+/// Those of hot pixels and lamps.
+void Disturbance::AddEventsUntil(std::int64_t t_ns) {
+  added_.clear();
+  for (; !hot_pixels_.empty() && hot_.t_ns <= t_ns; hot_ = NextHotEvent()) added_.push_back(hot_);
+  if (!lamps_) return;
+  const auto hot = static_cast<std::ptrdiff_t>(added_.size());
+  lamps_->AppendUntil(t_ns, &added_);
+  std::inplace_merge(added_.begin(), added_.begin() + hot, added_.end(), IsEarlier);
 }
 
 EventSpan Disturbance::Apply(EventSpan events) {
@@ -107,15 +129,16 @@ EventSpan Disturbance::Apply(EventSpan events) {
   if (begin_ns_ < 0) {
     begin_ns_ = hot_.t_ns = events.begin()->t_ns;
     if (!hot_pixels_.empty()) hot_ = NextHotEvent();
+    if (options_.lamps.any()) lamps_.emplace(options_.lamps, width_, height_, begin_ns_);
   }
-  for (const Event& event : events) {
-    while (!hot_pixels_.empty() && hot_.t_ns <= event.t_ns) {
-      if (!In(options_.event_gaps, SecondsFromNs(hot_.t_ns - begin_ns_))) out_.push_back(hot_);
-      hot_ = NextHotEvent();
-    }
-    if (options_.event_loss > 0 && Uniform() < options_.event_loss) continue;
-    if (!In(options_.event_gaps, SecondsFromNs(event.t_ns - begin_ns_))) out_.push_back(event);
-  }
+  AddEventsUntil(events.end()[-1].t_ns);
+  const auto lost = [this](const Event&) { return options_.event_loss > 0 && Uniform() < options_.event_loss; };
+  std::remove_copy_if(events.begin(), events.end(), std::back_inserter(out_), lost);
+  const auto own = static_cast<std::ptrdiff_t>(out_.size());
+  out_.insert(out_.end(), added_.begin(), added_.end());
+  std::inplace_merge(out_.begin(), out_.begin() + own, out_.end(), IsEarlier);
+  const auto in_gap = [this](const Event& e) { return In(options_.event_gaps, SecondsFromNs(e.t_ns - begin_ns_)); };
+  out_.erase(std::remove_if(out_.begin(), out_.end(), in_gap), out_.end());
   return out_;
 }
 

@@ -83,6 +83,19 @@ TEST(Disturbance, AddsHotPixelsInTheOrderOfTime) {
       std::is_sorted(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
 }
 
+TEST(Disturbance, AddsTheEventsOfLampsInTheOrderOfTimeAndNoneInAGap) {
+  DisturbanceOptions options;
+  for (const char* text : {"flicker=0.5", "light=0.3:2", "event_gap=0.6:0.8"}) options.Add(text);
+  EXPECT_TRUE(options.any());
+  Disturbance disturbance(options, 100, 80);
+  const std::vector<Event> own = OneSecond();
+  const EventSpan left = disturbance.Apply(own);
+  EXPECT_GT(left.size, 0.8 * own.size() + 0.5 * 8000 * 200 * 0.8 * 0.8);
+  EXPECT_TRUE(std::is_sorted(left.begin(), left.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+  EXPECT_TRUE(std::none_of(left.begin(), left.end(),
+                           [](const Event& event) { return event.t_ns >= 5600000000LL && event.t_ns < 5800000000LL; }));
+}
+
 TEST(Disturbance, LosesTheDepthOfAGapCountedFromTheFirstEvent) {
   DisturbanceOptions options;
   options.Add("depth_gap=1:4");
@@ -103,6 +116,8 @@ TEST(Disturbance, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT([&] { options.Add("event_gap=2:1"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("FROM below TO")));
   EXPECT_THAT([&] { options.Add("imu_noise=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("DEG_S:M_S2")));
   EXPECT_THAT([&] { options.Add("depth_gap=2"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("FROM:TO")));
+  EXPECT_THAT([&] { options.Add("flicker=-1"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("from 0 to 1")));
+  EXPECT_THAT([&] { options.Add("light=2:0"); }, ThrowsMessage<std::invalid_argument>(HasSubstr("AT:FACTOR")));
   EXPECT_FALSE(options.any());
 }
 

@@ -267,8 +267,9 @@ class Run {
                       " " + depth_kind +
                       " made no reference, expected events and depth of the same time and a moving camera";
     }
-    const std::string complaint = devo::Complaint(report_.inertial_fit());
-    if (!complaint.empty()) report_.warnings.push_back(complaint);
+    for (const std::string& complaint : {devo::Complaint(report_.inertial_fit()), devo::LampComplaint(c.events)}) {
+      if (!complaint.empty()) report_.warnings.push_back(complaint);
+    }
   }
 
   void Evaluate() {

@@ -13,6 +13,7 @@
 #include "devo/core/apparent_turn.h"
 #include "devo/core/crest_threshold.h"
 #include "devo/core/crests.h"
+#include "devo/core/flicker_bursts.h"
 #include "devo/core/nearest_edge_field.h"
 #include "devo/core/noise_filter.h"
 #include "devo/core/surface_pool.h"
@@ -29,7 +30,10 @@ constexpr std::int64_t kRateWindow_ns = 20'000'000;
 constexpr double kLeastNoise = 100, kNoiseShare = 0.1;
 constexpr std::int64_t kNoiseSpan_ns = 10'000'000;  // the moment: too little comes within less
 constexpr std::size_t kFilterBatch = 1024;          // events filtered and then looked up, still in the first cache
-constexpr std::size_t kSightings = 12000;           // a sample of the events tells how the image moves
+// Shares of events that pass, and that are a lamp's, are learnt so fast, and no more extreme: more are not looked at.
+constexpr double kLearns = 0.1, kLeastPass = 0.3, kMostOfLamps = 0.8;
+constexpr std::size_t kMostLookedAt = 16;  // times the events of a surface
+constexpr std::size_t kSightings = 12000;  // a sample of the events tells how the image moves
 // Where events are so many that a surface spans a few milliseconds, the image hardly moves meanwhile: then so many of
 // each surface before tell, too, as far back as this.
 constexpr std::size_t kSightingsBefore = 2000;
@@ -126,7 +130,8 @@ struct SurfaceBuilder::Impl {
         compensated(options_in.method == "motion_compensated"),
         events_per_surface(std::max<std::size_t>(
             500, static_cast<std::size_t>(options_in.event_share * event_camera.width() * event_camera.height()))),
-        raw(compensated ? 4 * events_per_surface : 1), kept(2 * events_per_surface),
+        raw(compensated ? kMostLookedAt * events_per_surface : 1), kept(2 * events_per_surface),
+        bursts(event_camera.width(), event_camera.height()),
         filter(event_camera.width(), event_camera.height(), options_in.noise_window_s, options_in.noise_neighbours,
                options_in.hot_pixel_factor),
         apparent_turn(undistorted) {
@@ -135,6 +140,8 @@ struct SurfaceBuilder::Impl {
 
   std::uint64_t UsefulEvents() const;
   void FilterNewEvents();
+  void FilterPiece(EventSpan piece);
+  void LearnShares(std::uint64_t looked_at_now, std::uint64_t of_lamps, std::uint64_t kept_now);
   void NoteProgress(std::int64_t t_ns);
   bool NoiseGoesOn() const;
   void MeasureRates(std::int64_t t_ns, Surface* surface);
@@ -158,8 +165,11 @@ struct SurfaceBuilder::Impl {
   std::uint64_t filtered_early = 0;  // events, by Filter since the last surface
   std::uint64_t looked_at = 0;       // by the filter, ever
   double pass_share = 0.5;           // of the events that the filter lately let pass
+  double lamp_share = 0;             // of the events that were lately left to lamps, before
   Ring<RayEvent> kept;
+  FlickerBursts bursts;
   NoiseFilter filter;
+  std::array<Event, kFilterBatch> not_of_lamps;
   std::array<std::uint32_t, kFilterBatch> passed;
   ApparentTurn apparent_turn;
   std::vector<ApparentTurn::Sighting> sightings;
@@ -207,6 +217,8 @@ void SurfaceBuilder::Reset() {
   impl_->filter.Reset();
   impl_->filtered_until = impl_->filtered_early = 0;
   impl_->pass_share = 0.5;
+  impl_->lamp_share = 0;
+  impl_->bursts.Clear();
   impl_->progress.clear();
   impl_->apparent_turn.Reset();
   impl_->sightings_before.clear();
@@ -237,6 +249,7 @@ void SurfaceBuilder::Insert(EventSpan events) {
   }
   m.last_event_ns = last_ns;
   m.counters.in += events.size;
+  if (m.compensated && m.options.ideas.leave_lamps) m.bursts.Look(events);
 }
 
 void SurfaceBuilder::OnLoss(std::int64_t t_ns) {
@@ -276,31 +289,49 @@ SurfacePtr SurfaceBuilder::Render(std::int64_t t_ns, const std::optional<Expecte
 
 /// No more than will fill a surface: beyond that the older ones would be filtered in vain.
 std::uint64_t SurfaceBuilder::Impl::UsefulEvents() const {
-  return static_cast<std::uint64_t>(1.2 * static_cast<double>(events_per_surface) / pass_share);
+  return static_cast<std::uint64_t>(1.2 * static_cast<double>(events_per_surface) / (pass_share * (1 - lamp_share)));
 }
 
 void SurfaceBuilder::Impl::FilterNewEvents() {
   const std::uint64_t useful = UsefulEvents();
   const std::uint64_t begin = std::max({filtered_until, raw.begin(), raw.end() - std::min(raw.end(), useful)});
-  const std::uint64_t kept_before = kept.end();
+  const std::uint64_t kept_before = kept.end(), of_lamps_before = counters.of_lamps;
   for (std::uint64_t next = begin; next < raw.end();) {
     const EventSpan piece(&raw[next], std::min<std::size_t>(raw.Contiguous(next), kFilterBatch));
-    const std::size_t count = filter.Pass(piece, passed.data());
-    counters.noise += piece.size - count;
-    for (std::size_t k = 0; k < count; ++k) {
-      const Event &event = piece.data[passed[k]], &later = piece.data[passed[std::min(k + kAhead, count - 1)]];
-      rays.Expect(later.x, later.y);
-      const RayLookup::Ray ray = rays(event.x, event.y);
-      if (std::isfinite(ray.x)) kept.Push({2 * event.t_ns + event.polarity, ray.x, ray.y});
-    }
+    FilterPiece(piece);
     next += piece.size;
   }
   filtered_until = raw.end();
-  const std::uint64_t count = raw.end() - begin;
-  looked_at += count;
-  if (count < 100) return;
-  pass_share += 0.1 * (static_cast<double>(kept.end() - kept_before) / static_cast<double>(count) - pass_share);
-  pass_share = std::max(pass_share, 0.3);
+  LearnShares(raw.end() - begin, counters.of_lamps - of_lamps_before, kept.end() - kept_before);
+}
+
+/// At most kFilterBatch events.
+void SurfaceBuilder::Impl::FilterPiece(EventSpan piece) {
+  if (bursts.found()) {
+    const auto of_lamp = [this](const Event& event) { return bursts.IsOfLamp(event); };
+    const auto end = std::remove_copy_if(piece.begin(), piece.end(), not_of_lamps.begin(), of_lamp);
+    counters.of_lamps += piece.size - static_cast<std::size_t>(end - not_of_lamps.begin());
+    piece = {not_of_lamps.data(), static_cast<std::size_t>(end - not_of_lamps.begin())};
+  }
+  const std::size_t count = piece.empty() ? 0 : filter.Pass(piece, passed.data());
+  counters.noise += piece.size - count;
+  for (std::size_t k = 0; k < count; ++k) {
+    const Event &event = piece.data[passed[k]], &later = piece.data[passed[std::min(k + kAhead, count - 1)]];
+    rays.Expect(later.x, later.y);
+    const RayLookup::Ray ray = rays(event.x, event.y);
+    if (std::isfinite(ray.x)) kept.Push({2 * event.t_ns + event.polarity, ray.x, ray.y});
+  }
+}
+
+void SurfaceBuilder::Impl::LearnShares(std::uint64_t looked_at_now, std::uint64_t of_lamps, std::uint64_t kept_now) {
+  looked_at += looked_at_now;
+  if (looked_at_now < 100) return;
+  lamp_share += kLearns * (static_cast<double>(of_lamps) / static_cast<double>(looked_at_now) - lamp_share);
+  lamp_share = std::min(lamp_share, kMostOfLamps);
+  const std::uint64_t others = looked_at_now - of_lamps;
+  if (others < 100) return;
+  pass_share += kLearns * (static_cast<double>(kept_now) / static_cast<double>(others) - pass_share);
+  pass_share = std::max(pass_share, kLeastPass);
 }
 
 void SurfaceBuilder::Impl::NoteProgress(std::int64_t t_ns) {

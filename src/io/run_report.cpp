@@ -134,6 +134,7 @@ std::string RunReport::ToJson() const {
                     {"dropped", dropped},
                     {"outside", counters.events.outside},
                     {"unordered", counters.events.unordered},
+                    {"of_lamps", counters.events.of_lamps},
                     {"summed_over_surfaces", counters.events.used}};
   json["depth_frames"] = {{"in", counters.mapping.depth_in},
                           {"used", counters.mapping.depth_used},

@@ -447,6 +447,8 @@ void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& st
     status.mergeSummary(DiagnosticStatus::WARN,
                         "events lie outside the image: is event_camera (or its CameraInfo) this camera's?");
   }
+  const std::string of_lamps = LampComplaint(counters_);
+  if (!of_lamps.empty()) status.mergeSummary(DiagnosticStatus::WARN, of_lamps);
   status.add("epoch", epoch_);
   status.add("surfaces", surfaces_);
   status.add("surfaces skipped", skipped_);
@@ -455,6 +457,7 @@ void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& st
   status.add("events in", counters_.in);
   status.add("events outside the image", counters_.outside);
   status.add("events out of order", counters_.unordered);
+  status.add("events of lamps that flicker", counters_.of_lamps);
   status.add("events taken for noise", counters_.noise);
   status.add("events dropped", dropped_events_);
   status.addf("rendering p50 (ms)", "%.2f", render_ms_.At(0.5));

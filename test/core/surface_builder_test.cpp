@@ -504,6 +504,48 @@ TEST(SurfaceBuilder, CountsEventsOutsideUnorderedAndNoise) {
   EXPECT_EQ(builder.counters().used, 0U);
 }
 
+/// Nearly all pixels brighter and darker each 10 ms, from `first_ns` to kT_ns.
+std::vector<Event> FlickerSince(std::int64_t first_ns) {
+  std::mt19937 random(4);
+  std::uniform_int_distribution<std::int64_t> late_ns(0, 1'500'000);
+  std::vector<Event> events;
+  for (std::int64_t t_ns = first_ns; t_ns + 5'000'000 <= kT_ns; t_ns += 5'000'000) {
+    for (int i = 0; i < kWidth * kHeight; ++i) {
+      if (random() % 10 == 0) continue;
+      events.push_back(At(t_ns + late_ns(random), i % kWidth, i / kWidth));
+      events.back().polarity = t_ns % 10'000'000 == 0;
+    }
+  }
+  return events;
+}
+
+TEST(SurfaceBuilder, SeesAnEdgeInLightThatFlickersUnlessThatIsSwitchedOff) {
+  const MovingEdge edge{{-0.3, -0.6, 2}, {-0.2, 0.6, 2}, Twist(3, 0, 0, 0, 0, 0)};
+  std::vector<Event> events = FlickerSince(kT_ns - 300'000'000);
+  for (const Event& event : edge.Events()) events.push_back(event);
+  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  const auto near_edge = [&](bool leave_lamps) {
+    SurfaceOptions options;
+    options.ideas.leave_lamps = leave_lamps;
+    SurfaceBuilder builder(TestCamera(), options);
+    SurfacePtr surface;
+    std::size_t inserted = 0;
+    for (std::int64_t t_ns = kT_ns - 290'000'000; t_ns <= kT_ns; t_ns += 10'000'000) {
+      const auto begin = inserted;
+      while (inserted < events.size() && events[inserted].t_ns < t_ns) ++inserted;
+      builder.Insert({events.data() + begin, inserted - begin});
+      surface = builder.Render(t_ns, ExpectedMotion(edge.velocity), {t_ns, 2, {}});
+    }
+    EXPECT_EQ(builder.counters().of_lamps > events.size() / 4, leave_lamps);
+    const auto near = std::count_if(surface->edges.begin(), surface->edges.end(), [&](const EdgePoint& point) {
+      return std::abs(point.x - edge.ColumnAt(surface->t_edges_ns, point.y)) < 2;
+    });
+    return static_cast<double>(near) / static_cast<double>(std::max<std::size_t>(surface->edges.size(), 1));
+  };
+  EXPECT_GT(near_edge(true), 0.8);
+  EXPECT_LT(near_edge(false), 0.2);
+}
+
 TEST(SurfaceBuilder, StartsANewEpochOnResetAndTakesOlderEventsThen) {
   SurfaceBuilder builder(TestCamera(), WithoutFilter());
   builder.Insert(std::vector<Event>{At(kT_ns - 1000, 50, 50)});

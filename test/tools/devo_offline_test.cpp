@@ -94,6 +94,18 @@ TEST_F(DevoOffline, FollowsAKnownMotion) {
   EXPECT_GT(report["map_points"], 100);
 }
 
+TEST_F(DevoOffline, FollowsAKnownMotionInLightThatFlickersAndSaysSo) {
+  TinyRecording().Write(Bag());
+  const ProgramResult result = Run("--disturb flicker=1");
+  ASSERT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("anti-flicker"));
+  const auto report = Report();
+  EXPECT_GT(report["events"]["of_lamps"], 1000000);
+  EXPECT_TRUE(report["lost_intervals"].empty());
+  ASSERT_FALSE(report["evaluation"].is_null());
+  EXPECT_LT(report["evaluation"]["ate_rmse_m"], 0.005) << "of a path of 0.29 m";
+}
+
 TEST_F(DevoOffline, GivesTheSameBytesOnEveryRunWithAnyNumberOfThreads) {
   TinyRecording().Write(Bag());
   ASSERT_EQ(Run("--threads 1").status, 0);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace devo {
 
@@ -11,9 +12,13 @@ struct SurfaceCounters {
   std::uint64_t in = 0;         ///< events given to SurfaceBuilder::Insert
   std::uint64_t outside = 0;    ///< of these, outside the image
   std::uint64_t unordered = 0;  ///< of these, older than one before
+  std::uint64_t of_lamps = 0;   ///< of these, of lamps that flicker
   std::uint64_t noise = 0;      ///< of these, isolated or from hot pixels
   std::uint64_t used = 0;       ///< events accumulated in surfaces (one event may serve several)
 };
+
+/// What the light does to the events, in a sentence; empty where it is little.
+std::string LampComplaint(const SurfaceCounters& counters);
 
 struct MappingCounters {
   std::uint64_t depth_in = 0;             ///< depth images or sweeps added

@@ -10,6 +10,7 @@ namespace devo {
 
 /// Ideas of the method that comparisons switch off, one at a time (scripts/ablation.txt); all should stay on.
 struct SurfaceIdeas {
+  bool leave_lamps = true;
   bool move_events = true;
   bool find_turn = true;
   bool refine_turn = true;
@@ -105,6 +106,10 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.move_events", surface.move_events,
         "for comparisons, should stay on, as all of ablation: events are moved along the motion; false: accumulated "
         "where they are");
+  visit(
+      "ablation.leave_lamps", surface.leave_lamps,
+      "events that fire as one over an area, brighter and darker in turn, are a flickering lamp's and left out; false: "
+      "taken for others");
   visit("ablation.find_turn", surface.find_turn,
         "as long as there is no pose, events are moved by the turn that makes the image clearest; false: not moved "
         "until then");

@@ -11,6 +11,7 @@ constexpr int kStep = 4;  // one in so many events is enough to tell
 // All fire alike where so many times more get brighter than darker, or the other way: edges come in pairs.
 constexpr std::int32_t kAlike = 6;
 constexpr double kOfBlock = 1.0 / 3;  // of an area's least share, what each of its blocks has
+constexpr double kOfEnd = 1.0 / 30;   // and what the end of a burst still has in a slot
 // Half a period of 100 Hz after its end it is the other way. Stripes as wide as an area would have to pass it as fast.
 constexpr std::int64_t kOtherWithin_slots = 8;
 constexpr std::int64_t kLongAgo = std::numeric_limits<std::int64_t>::min() / 2;
@@ -121,24 +122,24 @@ void FlickerScale::Judge(std::int64_t slot) {
     if (slot - burst_slot_[!brighter][i] > kOtherWithin_slots) continue;
     Mark(i, slot, brighter);
     // Where more fires than the sensor can read, one burst follows the other: their ends.
-    for (const std::int64_t end : {slot - 1, slot + 1}) {
-      if (end <= newest_slot_ && AreAlike(i, end, brighter)) Mark(i, end, brighter);
+    for (const std::int64_t end : {slot - 2, slot - 1, slot + 1, slot + 2}) {
+      if (end <= newest_slot_ && IsEnd(i, end, brighter)) Mark(i, end, brighter);
     }
   }
 }
 
-/// In the area about a block, in one slot.
-bool FlickerScale::AreAlike(std::size_t block, std::int64_t slot, bool polarity) const {
-  const auto around = [&](bool of) {
-    const PerBlock& counts = counts_[RingOf(slot)][of];
-    const auto stride = static_cast<std::size_t>(stride_);
-    std::int32_t sum = 0;
-    for (const std::size_t row : {block - stride, block, block + stride}) {
-      sum += counts[row - 1] + counts[row] + counts[row + 1];
+/// Whether a few still fire alike in the area about a block, in one slot.
+bool FlickerScale::IsEnd(std::size_t block, std::int64_t slot, bool polarity) const {
+  std::int32_t alike = 0, others = 0, pixels = 0;
+  const auto stride = static_cast<std::size_t>(stride_);
+  for (const std::size_t row : {block - stride, block, block + stride}) {
+    for (std::size_t i = row - 1; i <= row + 1; ++i) {
+      alike += counts_[RingOf(slot)][polarity][i];
+      others += counts_[RingOf(slot)][!polarity][i];
+      pixels += pixels_[i];
     }
-    return sum;
-  };
-  return around(polarity) >= kAlike * around(!polarity);
+  }
+  return kStep * alike >= kOfEnd * least_share_ * pixels && alike >= kAlike * others;
 }
 
 /// And those around, which may be lit in part.

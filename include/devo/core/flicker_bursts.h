@@ -18,7 +18,7 @@ class FlickerBursts {
   /// Of the image in pixels. A lamp's cone shows in small areas of which all fires; where more fires than the sensor
   /// can read, parts of the image come one after the other: less of larger areas.
   FlickerBursts(int width, int height)
-      : scales_{FlickerScale(width, height, 4, 0.3), FlickerScale(width, height, 6, 0.15)} {}
+      : scales_{FlickerScale(width, height, 4, 0.4), FlickerScale(width, height, 6, 0.2)} {}
 
   /// As of each scale.
   void Look(EventSpan events) {

@@ -55,7 +55,7 @@ class FlickerScale {
   bool MayBurst(std::int64_t slot) const;
   void SumAbout(std::int64_t slot, bool polarity);
   bool IsBurst(std::size_t block, bool polarity) const;
-  bool AreAlike(std::size_t block, std::int64_t slot, bool polarity) const;
+  bool IsEnd(std::size_t block, std::int64_t slot, bool polarity) const;
   void Judge(std::int64_t slot);
   void Mark(std::size_t block, std::int64_t slot, bool polarity);
 

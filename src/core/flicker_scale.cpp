@@ -122,7 +122,7 @@ void FlickerScale::Judge(std::int64_t slot) {
     if (slot - burst_slot_[!brighter][i] > kOtherWithin_slots) continue;
     Mark(i, slot, brighter);
     // Where more fires than the sensor can read, one burst follows the other: their ends.
-    for (const std::int64_t end : {slot - 2, slot - 1, slot + 1, slot + 2}) {
+    for (const std::int64_t end : {slot - 1, slot + 1}) {
       if (end <= newest_slot_ && IsEnd(i, end, brighter)) Mark(i, end, brighter);
     }
   }

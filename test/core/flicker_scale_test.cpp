@@ -125,5 +125,15 @@ TEST(FlickerScale, TellsNothingOfEventsLongAgoAndOfThoseOutsideTheImage) {
   EXPECT_FALSE(lamp.scale.IsOfLamp(darker.front()));
 }
 
+TEST(FlickerScale, TellsNothingOfEventsThatItHasNotLookedAt) {
+  Lamp lamp;
+  lamp.scale.Look(Burst(kBegin_ns, 0, 60, true));
+  const std::vector<Event> darker = Burst(kBegin_ns + 5 * kMs, 0, 60, false);
+  EXPECT_EQ(lamp.ShareFound(darker), 1);
+  for (std::int64_t later = 1; later < 3 * FlickerScale::kSlots; ++later) {
+    EXPECT_FALSE(lamp.scale.IsOfLamp(At(darker.back().t_ns + later * kMs, 10, 10, false)));
+  }
+}
+
 }  // namespace
 }  // namespace devo

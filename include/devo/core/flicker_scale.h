@@ -26,10 +26,11 @@ class FlickerScale {
   /// Whether there is a lamp's among the events of the last kSlots milliseconds.
   bool found() const { return found_slot_ > newest_slot_ - kSlots; }
   /// Whether one that was looked at, in the image, is a lamp's. Those of motion that fire in the same millisecond alike
-  /// are taken for a lamp's, too. False for one from before the last kSlots milliseconds.
+  /// are taken for a lamp's, too. False for one that is not of the last kSlots milliseconds.
   bool IsOfLamp(const Event& event) const {
     const std::int64_t slot = SlotOf(event);
-    return slot > newest_slot_ - kSlots && (of_lamp_[RingOf(slot)][BlockOf(event)] & BitOf(event.polarity != 0)) != 0;
+    const bool known = slot > newest_slot_ - kSlots && slot <= newest_slot_;
+    return known && (of_lamp_[RingOf(slot)][BlockOf(event)] & BitOf(event.polarity != 0)) != 0;
   }
 
   void Clear();

@@ -14,7 +14,7 @@ constexpr double kOfBlock = 1.0 / 3;  // of an area's least share, what each of 
 constexpr double kOfEnd = 1.0 / 30;   // and what the end of a burst still has in a slot
 // Half a period of 100 Hz after its end it is the other way. Stripes as wide as an area would have to pass it as fast.
 constexpr std::int64_t kOtherWithin_slots = 8;
-constexpr std::int64_t kLongAgo = std::numeric_limits<std::int64_t>::min() / 2;
+constexpr std::int64_t kLongAgo = std::numeric_limits<std::int64_t>::min() / 4'000'000;  // so that it has a time
 
 }  // namespace
 
@@ -33,6 +33,9 @@ FlickerScale::FlickerScale(int width, int height, int shift, double least_share)
   for (auto& of_slot : counts_) of_slot.fill(PerBlock(blocks));
   of_lamp_.fill(std::vector<std::uint8_t>(blocks));
   sums_.fill(std::vector<std::int32_t>(blocks));
+  areas_ = sums_;
+  area_pixels_.resize(blocks);
+  SumAreas(pixels_, &area_pixels_);
   Clear();
 }
 
@@ -43,17 +46,28 @@ void FlickerScale::Clear() {
 }
 
 void FlickerScale::Look(EventSpan events) {
+  std::array<std::uint16_t*, 2> counts = CountsOf(newest_slot_);
+  std::int64_t begin_ns = newest_slot_ * kSlot_ns;
   for (std::size_t i = 0; i < events.size; i += kStep) {
     const Event& event = events.data[i];
-    const std::int64_t slot = SlotOf(event);
-    if (event.x >= width_ || event.y >= height_ || slot < newest_slot_) continue;
-    if (slot - newest_slot_ >= kSlots) BeginAnew(slot);
-    while (newest_slot_ < slot) Begin(newest_slot_ + 1);
-    ++counts_[RingOf(slot)][event.polarity != 0][BlockOf(event)];
+    if (event.x >= width_ || event.y >= height_ || event.t_ns < begin_ns) continue;
+    if (event.t_ns >= begin_ns + kSlot_ns) {
+      const std::int64_t slot = SlotOf(event);
+      if (slot - newest_slot_ >= kSlots) BeginAnew(slot);
+      while (newest_slot_ < slot) Begin(newest_slot_ + 1);
+      counts = CountsOf(slot);
+      begin_ns = slot * kSlot_ns;
+    }
+    const std::uint16_t count = ++counts[event.polarity != 0][BlockOf(event)];
+    most_[RingOf(newest_slot_)] = std::max(most_[RingOf(newest_slot_)], count);
   }
-  if (newest_slot_ == kLongAgo) return;
   Judge(newest_slot_ - 1);
   Judge(newest_slot_);
+}
+
+std::array<std::uint16_t*, 2> FlickerScale::CountsOf(std::int64_t slot) {
+  auto& counts = counts_[RingOf(slot)];
+  return {counts[0].data(), counts[1].data()};
 }
 
 /// A slot is known, and judged for good, once the one after it is.
@@ -71,11 +85,13 @@ void FlickerScale::BeginAnew(std::int64_t slot) {
 void FlickerScale::Empty(std::int64_t slot) {
   for (PerBlock& counts : counts_[RingOf(slot)]) std::fill(counts.begin(), counts.end(), 0);
   std::fill(of_lamp_[RingOf(slot)].begin(), of_lamp_[RingOf(slot)].end(), 0);
+  most_[RingOf(slot)] = 0;
 }
 
 /// The common case first: in most slots no block has so many events that fire alike.
 bool FlickerScale::MayBurst(std::int64_t slot) const {
   const auto least = static_cast<std::uint16_t>(least_share_ * (1 << 2 * shift_) / (3 * kStep));
+  if (most_[RingOf(slot)] < least) return false;
   const PerBlock &darker = counts_[RingOf(slot)][0], &brighter = counts_[RingOf(slot)][1];
   bool may = false;
   for (std::size_t i = 0; i < darker.size(); ++i) {
@@ -85,30 +101,37 @@ bool FlickerScale::MayBurst(std::int64_t slot) const {
   return may;
 }
 
-/// Of each block in the slot and those before and after.
+/// Of each block in the slot and those before and after, and of each block and those around it.
 void FlickerScale::SumAbout(std::int64_t slot, bool polarity) {
-  std::vector<std::int32_t>& sums = sums_[polarity];
+  std::vector<std::int32_t>&sums = sums_[polarity], &areas = areas_[polarity];
   std::fill(sums.begin(), sums.end(), 0);
   for (std::int64_t near = slot - 1; near <= std::min(slot + 1, newest_slot_); ++near) {
     const PerBlock& counts = counts_[RingOf(near)][polarity];
     for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += counts[i];
   }
+  SumAreas(sums, &areas);
+}
+
+/// Of each block and those around it; 0 in the outermost.
+void FlickerScale::SumAreas(const std::vector<std::int32_t>& blocks, std::vector<std::int32_t>* areas) const {
+  const auto stride = static_cast<std::size_t>(stride_);
+  for (std::size_t i = stride + 1; i + stride + 1 < blocks.size(); ++i) {
+    const std::int32_t *above = &blocks[i - stride], *here = &blocks[i], *below = &blocks[i + stride];
+    (*areas)[i] = above[-1] + above[0] + above[1] + here[-1] + here[0] + here[1] + below[-1] + below[0] + below[1];
+  }
 }
 
 /// In the area about a block. A strong edge makes as many events, but in few of the blocks.
 bool FlickerScale::IsBurst(std::size_t block, bool polarity) const {
-  const std::vector<std::int32_t>&alike = sums_[polarity], &others = sums_[!polarity];
-  std::int32_t all_alike = 0, all_others = 0, all_pixels = 0;
+  const std::int32_t alike = areas_[polarity][block], others = areas_[!polarity][block];
+  if (alike < kAlike * others || kStep * alike < least_share_ * area_pixels_[block]) return false;
   const auto stride = static_cast<std::size_t>(stride_);
   for (const std::size_t row : {block - stride, block, block + stride}) {
     for (std::size_t i = row - 1; i <= row + 1; ++i) {
-      if (kStep * alike[i] < kOfBlock * least_share_ * pixels_[i]) return false;
-      all_alike += alike[i];
-      all_others += others[i];
-      all_pixels += pixels_[i];
+      if (kStep * sums_[polarity][i] < kOfBlock * least_share_ * pixels_[i]) return false;
     }
   }
-  return kStep * all_alike >= least_share_ * all_pixels && all_alike >= kAlike * all_others;
+  return true;
 }
 
 void FlickerScale::Judge(std::int64_t slot) {
@@ -130,16 +153,15 @@ void FlickerScale::Judge(std::int64_t slot) {
 
 /// Whether a few still fire alike in the area about a block, in one slot.
 bool FlickerScale::IsEnd(std::size_t block, std::int64_t slot, bool polarity) const {
-  std::int32_t alike = 0, others = 0, pixels = 0;
+  std::int32_t alike = 0, others = 0;
   const auto stride = static_cast<std::size_t>(stride_);
   for (const std::size_t row : {block - stride, block, block + stride}) {
     for (std::size_t i = row - 1; i <= row + 1; ++i) {
       alike += counts_[RingOf(slot)][polarity][i];
       others += counts_[RingOf(slot)][!polarity][i];
-      pixels += pixels_[i];
     }
   }
-  return kStep * alike >= kOfEnd * least_share_ * pixels && alike >= kAlike * others;
+  return kStep * alike >= kOfEnd * least_share_ * area_pixels_[block] && alike >= kAlike * others;
 }
 
 /// And those around, which may be lit in part.

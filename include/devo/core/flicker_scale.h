@@ -54,7 +54,9 @@ class FlickerScale {
   void BeginAnew(std::int64_t slot);
   void Empty(std::int64_t slot);
   bool MayBurst(std::int64_t slot) const;
+  std::array<std::uint16_t*, 2> CountsOf(std::int64_t slot);
   void SumAbout(std::int64_t slot, bool polarity);
+  void SumAreas(const std::vector<std::int32_t>& blocks, std::vector<std::int32_t>* areas) const;
   bool IsBurst(std::size_t block, bool polarity) const;
   bool IsEnd(std::size_t block, std::int64_t slot, bool polarity) const;
   void Judge(std::int64_t slot);
@@ -62,11 +64,12 @@ class FlickerScale {
 
   int width_, height_, shift_;
   double least_share_;
-  int stride_;                                             // blocks of a row; two of border are on every side
-  std::vector<std::int32_t> pixels_;                       // of each block, 0 in the border
-  std::array<std::array<PerBlock, 2>, kSlots> counts_;     // of each slot and polarity
+  int stride_;                                          // blocks of a row; two of border are on every side
+  std::vector<std::int32_t> pixels_, area_pixels_;      // of each block, 0 in the border; and of those around it, too
+  std::array<std::array<PerBlock, 2>, kSlots> counts_;  // of each slot and polarity
+  std::array<std::uint16_t, kSlots> most_{};            // of each slot: of a block and polarity
   std::array<std::vector<std::uint8_t>, kSlots> of_lamp_;  // of each slot a bit for each polarity
-  std::array<std::vector<std::int32_t>, 2> sums_;          // of each polarity, about the slot that is judged
+  std::array<std::vector<std::int32_t>, 2> sums_, areas_;  // of each polarity, about the slot that is judged
   std::array<std::vector<std::int64_t>, 2> burst_slot_;    // of each polarity: the last in which all fired alike
   std::int64_t newest_slot_, found_slot_;
 };

@@ -61,6 +61,7 @@ void FlickerScale::Look(EventSpan events) {
     const std::uint16_t count = ++counts[event.polarity != 0][BlockOf(event)];
     most_[RingOf(newest_slot_)] = std::max(most_[RingOf(newest_slot_)], count);
   }
+  if (newest_slot_ == kLongAgo) return;
   Judge(newest_slot_ - 1);
   Judge(newest_slot_);
 }

@@ -23,8 +23,6 @@ double NumberIn(const std::string& number, const std::string& text, const char* 
   return *value;
 }
 
-bool IsEarlier(const Event& a, const Event& b) { return a.t_ns < b.t_ns; }
-
 /// Two numbers with a colon between.
 std::pair<double, double> PairOf(const std::string& value, const std::string& text, const char* expected) {
   const auto colon = value.find(':');

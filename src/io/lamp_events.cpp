@@ -63,14 +63,13 @@ void LampEvents::AddSwitch(const LampOptions::Switch& at) {
 }
 
 void LampEvents::AppendUntil(std::int64_t end_ns, std::vector<Event>* events) {
-  const auto before = [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; };
   const double end_s = SecondsFromNs(end_ns - begin_ns_);
   const std::size_t sorted = upcoming_.size();
   while (options_.flicker_share > 0 && kFlicker_s * static_cast<double>(next_period_) < end_s) AddFlicker();
   for (; next_switch_ < options_.switches.size() && options_.switches[next_switch_].at_s < end_s; ++next_switch_) {
     AddSwitch(options_.switches[next_switch_]);
   }
-  if (upcoming_.size() > sorted) std::stable_sort(upcoming_.begin(), upcoming_.end(), before);
+  if (upcoming_.size() > sorted) std::stable_sort(upcoming_.begin(), upcoming_.end(), IsEarlier);
   const auto until = std::partition_point(upcoming_.begin(), upcoming_.end(),
                                           [end_ns](const Event& event) { return event.t_ns < end_ns; });
   events->insert(events->end(), upcoming_.begin(), until);

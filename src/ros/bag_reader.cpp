@@ -47,10 +47,9 @@ enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
 
 /// As the nodelets do, where one event lies far from the others; the order within a message is left as it is.
 std::size_t DropStray(std::vector<Event>* events) {
-  const auto earlier = [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; };
-  const auto ends = std::minmax_element(events->begin(), events->end(), earlier);
+  const auto ends = std::minmax_element(events->begin(), events->end(), IsEarlier);
   if (events->empty() || SecondsFromNs(ends.second->t_ns - ends.first->t_ns) <= kRecordingGap_s) return 0;
-  std::stable_sort(events->begin(), events->end(), earlier);
+  std::stable_sort(events->begin(), events->end(), IsEarlier);
   return DropStrayEvents(kRecordingGap_s, events);
 }
 

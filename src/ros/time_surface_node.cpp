@@ -290,9 +290,8 @@ std::optional<EventMessage> TimeSurfaceNode::NextMessage() {
 
 void TimeSurfaceNode::Accept(Batch batch) {
   // Within a message stamps may go back a little, too.
-  const auto earlier = [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; };
-  if (!std::is_sorted(batch.events.begin(), batch.events.end(), earlier)) {
-    std::stable_sort(batch.events.begin(), batch.events.end(), earlier);
+  if (!std::is_sorted(batch.events.begin(), batch.events.end(), IsEarlier)) {
+    std::stable_sort(batch.events.begin(), batch.events.end(), IsEarlier);
   }
   CountDropped(DropStrayEvents(reset_after_gap_s_, &batch.events));
   const std::int64_t first_ns = batch.events.front().t_ns, last_ns = batch.events.back().t_ns;

@@ -16,9 +16,7 @@ Event At(std::int64_t t_ns, int x, int y, bool brighter) {
   return {t_ns, static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y), static_cast<std::uint8_t>(brighter)};
 }
 
-void Sort(std::vector<Event>* events) {
-  std::sort(events->begin(), events->end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
-}
+void Sort(std::vector<Event>* events) { std::sort(events->begin(), events->end(), IsEarlier); }
 
 /// The columns from `first` to `end` at once, within 1.5 ms.
 std::vector<Event> Burst(std::int64_t t_ns, int first, int end, bool brighter) {

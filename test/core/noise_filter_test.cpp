@@ -128,7 +128,7 @@ TEST(NoiseFilter, LetsAnEdgeMovingInVeryDenseNoisePass) {
     for (int y = 0; y < kSide; ++y) events.push_back(At(kKnown_ns + 2 * x * kMs + jitter_ns(random), x, y));
   }
   const std::size_t edge = static_cast<std::size_t>(kSide - 1) * kSide;
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   const Split split(events);
   NoiseFilter with_edge(kSide, kSide, 0.01, 1, 0), without(kSide, kSide, 0.01, 1, 0);
   CountThatPass(split.before, &with_edge);
@@ -169,7 +169,7 @@ TEST(NoiseFilter, EstimatesTheNoiseOfTheQuietestPartsNotTheActivityOfTheOthers) 
   auto events = Noise(10, kKnown_s);
   const auto busy = Noise(50, kKnown_s, kSide / 2);
   events.insert(events.end(), busy.begin(), busy.end());
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   NoiseFilter filter(kSide, kSide, 0.01, 1, 0);
   CountThatPass(events, &filter);
   EXPECT_NEAR(filter.noise_hz(), 10, 1);
@@ -192,7 +192,7 @@ std::vector<Event> NoiseThatDiffers(double seconds, double least_hz = 0.4) {
   auto events = Noise(least_hz, seconds);
   const auto darker = Noise(3, seconds, kSide / 2);
   events.insert(events.end(), darker.begin(), darker.end());
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   return events;
 }
 
@@ -216,7 +216,7 @@ TEST(NoiseFilter, TakesNoMovingEdgeForNoise) {
   for (int x = 0; x < kSide; ++x) {  // 500 px/s, vertical, from 0.2 s on
     for (int y = 0; y < kSide; ++y) events.push_back(At((200 + 2 * x) * kMs + 1000 * y, x, y));
   }
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   CountThatPass(events, &with_edge);
   EXPECT_LT(with_edge.mean_passing_noise_hz(), 1.5 * without_edge.mean_passing_noise_hz());
 }
@@ -234,7 +234,7 @@ std::vector<Event> Edge() {
   for (int x = 0; x < 100; ++x) {
     for (int y = 0; y < 100; ++y) events.push_back(At(kKnown_ns + x * kMs + 1000 * jitter_us(random), x, y));
   }
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   return events;
 }
 
@@ -351,7 +351,7 @@ std::vector<Event> Flicker(double seconds, int width) {
       events.back().polarity = t_ns % (10 * kMs) == 0;
     }
   }
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   return events;
 }
 

@@ -523,7 +523,7 @@ TEST(SurfaceBuilder, SeesAnEdgeInLightThatFlickersUnlessThatIsSwitchedOff) {
   const MovingEdge edge{{-0.3, -0.6, 2}, {-0.2, 0.6, 2}, Twist(3, 0, 0, 0, 0, 0)};
   std::vector<Event> events = FlickerSince(kT_ns - 300'000'000);
   for (const Event& event : edge.Events()) events.push_back(event);
-  std::sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::sort(events.begin(), events.end(), IsEarlier);
   const auto near_edge = [&](bool leave_lamps) {
     SurfaceOptions options;
     options.ideas.leave_lamps = leave_lamps;

@@ -79,8 +79,7 @@ TEST(Disturbance, AddsHotPixelsInTheOrderOfTime) {
   }
   EXPECT_NEAR(pixels.size(), 80, 30);  // 1 % of 8000
   EXPECT_NEAR(hot, 100.0 * pixels.size(), 400);
-  EXPECT_TRUE(
-      std::is_sorted(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+  EXPECT_TRUE(std::is_sorted(events.begin(), events.end(), IsEarlier));
 }
 
 TEST(Disturbance, AddsTheEventsOfLampsInTheOrderOfTimeAndNoneInAGap) {
@@ -91,7 +90,7 @@ TEST(Disturbance, AddsTheEventsOfLampsInTheOrderOfTimeAndNoneInAGap) {
   const std::vector<Event> own = OneSecond();
   const EventSpan left = disturbance.Apply(own);
   EXPECT_GT(left.size, 0.8 * own.size() + 0.5 * 8000 * 200 * 0.8 * 0.8);
-  EXPECT_TRUE(std::is_sorted(left.begin(), left.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+  EXPECT_TRUE(std::is_sorted(left.begin(), left.end(), IsEarlier));
   EXPECT_TRUE(std::none_of(left.begin(), left.end(),
                            [](const Event& event) { return event.t_ns >= 5600000000LL && event.t_ns < 5800000000LL; }));
 }

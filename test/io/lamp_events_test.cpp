@@ -21,8 +21,7 @@ std::vector<Event> OneSecond(const LampOptions& options) {
     EXPECT_TRUE(events.empty() || events.back().t_ns < t_ns);
   }
   lamps.AppendUntil(kBegin_ns + kSecond_ns, &events);
-  EXPECT_TRUE(
-      std::is_sorted(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+  EXPECT_TRUE(std::is_sorted(events.begin(), events.end(), IsEarlier));
   return events;
 }
 

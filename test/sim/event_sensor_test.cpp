@@ -109,7 +109,7 @@ void CompareWithGrating(const Grating& grating, GratingErrors* errors) {
                         EventPixels::Accuracy(), probe, &events);
     }
   }
-  std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::stable_sort(events.begin(), events.end(), IsEarlier);
 
   // Where pixel x is on the wall, as surface coordinate and so as phase.
   const Surface& wall = scene.surfaces()[0];
@@ -365,7 +365,7 @@ TEST(Readout, DelaysEventsBeyondItsRateAndLosesThoseThatWaitTooLong) {
   EXPECT_EQ(out.size(), 101U);
   EXPECT_EQ(readout.lost(), 899U);
   EXPECT_EQ(out.back().t_ns, 5100000);
-  EXPECT_TRUE(std::is_sorted(out.begin(), out.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; }));
+  EXPECT_TRUE(std::is_sorted(out.begin(), out.end(), IsEarlier));
 }
 
 TEST(NoiseModel, MakesNoisePeakInDimLightAndVanishInBright) {

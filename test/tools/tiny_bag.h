@@ -84,7 +84,7 @@ inline std::vector<Event> EventsOf(const TinyScene& scene) {
       }
     }
   }
-  std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.t_ns < b.t_ns; });
+  std::stable_sort(events.begin(), events.end(), IsEarlier);
   return events;
 }
 

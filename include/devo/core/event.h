@@ -16,6 +16,8 @@ struct Event {
 };
 static_assert(sizeof(Event) == 16, "events are streamed by the million; keep them small");
 
+inline bool IsEarlier(const Event& a, const Event& b) { return a.t_ns < b.t_ns; }
+
 /// Read-only view of consecutive events, ordered in time. Does not own them.
 struct EventSpan {
   const Event* data = nullptr;

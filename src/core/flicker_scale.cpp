@@ -16,6 +16,14 @@ constexpr double kOfEnd = 1.0 / 30;   // and what the end of a burst still has i
 constexpr std::int64_t kOtherWithin_slots = 8;
 constexpr std::int64_t kLongAgo = std::numeric_limits<std::int64_t>::min() / 4'000'000;  // so that it has a time
 
+/// Of the block at `here` and those around it, in rows `stride` long.
+template <typename Value>
+std::int32_t SumAround(const Value* here, std::ptrdiff_t stride) {
+  std::int32_t sum = 0;
+  for (const Value* middle : {here - stride, here, here + stride}) sum += middle[-1] + middle[0] + middle[1];
+  return sum;
+}
+
 }  // namespace
 
 FlickerScale::FlickerScale(int width, int height, int shift, double least_share)
@@ -116,10 +124,7 @@ void FlickerScale::SumAbout(std::int64_t slot, bool polarity) {
 /// Of each block and those around it; 0 in the outermost.
 void FlickerScale::SumAreas(const std::vector<std::int32_t>& blocks, std::vector<std::int32_t>* areas) const {
   const auto stride = static_cast<std::size_t>(stride_);
-  for (std::size_t i = stride + 1; i + stride + 1 < blocks.size(); ++i) {
-    const std::int32_t *above = &blocks[i - stride], *here = &blocks[i], *below = &blocks[i + stride];
-    (*areas)[i] = above[-1] + above[0] + above[1] + here[-1] + here[0] + here[1] + below[-1] + below[0] + below[1];
-  }
+  for (std::size_t i = stride + 1; i + stride + 1 < blocks.size(); ++i) (*areas)[i] = SumAround(&blocks[i], stride_);
 }
 
 /// In the area about a block. A strong edge makes as many events, but in few of the blocks.
@@ -154,14 +159,9 @@ void FlickerScale::Judge(std::int64_t slot) {
 
 /// Whether a few still fire alike in the area about a block, in one slot.
 bool FlickerScale::IsEnd(std::size_t block, std::int64_t slot, bool polarity) const {
-  std::int32_t alike = 0, others = 0;
-  const auto stride = static_cast<std::size_t>(stride_);
-  for (const std::size_t row : {block - stride, block, block + stride}) {
-    for (std::size_t i = row - 1; i <= row + 1; ++i) {
-      alike += counts_[RingOf(slot)][polarity][i];
-      others += counts_[RingOf(slot)][!polarity][i];
-    }
-  }
+  const auto& counts = counts_[RingOf(slot)];
+  const std::int32_t alike = SumAround(&counts[polarity][block], stride_);
+  const std::int32_t others = SumAround(&counts[!polarity][block], stride_);
   return kStep * alike >= kOfEnd * least_share_ * area_pixels_[block] && alike >= kAlike * others;
 }
 

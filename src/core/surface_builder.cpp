@@ -309,9 +309,10 @@ void SurfaceBuilder::Impl::FilterNewEvents() {
 void SurfaceBuilder::Impl::FilterPiece(EventSpan piece) {
   if (bursts.found()) {
     const auto of_lamp = [this](const Event& event) { return bursts.IsOfLamp(event); };
-    const auto end = std::remove_copy_if(piece.begin(), piece.end(), not_of_lamps.begin(), of_lamp);
-    counters.of_lamps += piece.size - static_cast<std::size_t>(end - not_of_lamps.begin());
-    piece = {not_of_lamps.data(), static_cast<std::size_t>(end - not_of_lamps.begin())};
+    Event* const end = std::remove_copy_if(piece.begin(), piece.end(), not_of_lamps.data(), of_lamp);
+    const EventSpan left(not_of_lamps.data(), static_cast<std::size_t>(end - not_of_lamps.data()));
+    counters.of_lamps += piece.size - left.size;
+    piece = left;
   }
   const std::size_t count = piece.empty() ? 0 : filter.Pass(piece, passed.data());
   counters.noise += piece.size - count;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -58,7 +59,10 @@ void DisturbanceOptions::Add(const std::string& text) {
     return;
   }
   if (miscalibration.Add(key, value)) return;
-  if (key != "event_loss" && key != "hot_pixels" && key != "flicker") {
+  const std::map<std::string, double*> shares{
+      {"event_loss", &event_loss}, {"hot_pixels", &hot_pixel_share}, {"flicker", &lamps.flicker_share}};
+  const auto known = shares.find(key);
+  if (known == shares.end()) {
     throw std::invalid_argument(
         "disturbance '" + text +
         "': expected event_gap=FROM:TO, depth_gap=FROM:TO, depth_latency=SECONDS, "
@@ -68,7 +72,7 @@ void DisturbanceOptions::Add(const std::string& text) {
   constexpr const char* kExpected = "a share from 0 to 1";
   const double share = NumberIn(value, text, kExpected);
   if (share > 1) throw std::invalid_argument("disturbance '" + text + "': expected " + kExpected);
-  (key == "event_loss" ? event_loss : key == "flicker" ? lamps.flicker_share : hot_pixel_share) = share;
+  *known->second = share;
 }
 
 Disturbance::Disturbance(const DisturbanceOptions& options, int width, int height)

@@ -25,6 +25,11 @@ LampEvents::LampEvents(const LampOptions& options, int width, int height, std::i
             [](const auto& a, const auto& b) { return a.at_s < b.at_s; });
 }
 
+void LampEvents::Add(double t_s, int x, int y, bool brighter) {
+  upcoming_.push_back({begin_ns_ + NsFromSeconds(t_s), static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y),
+                       static_cast<std::uint8_t>(brighter)});
+}
+
 bool LampEvents::IsLit(int x, int y, double t_s) const {
   if (options_.flicker_share >= 1) return true;
   const double radius_square = options_.flicker_share * width_ * height_ / M_PI;
@@ -39,9 +44,7 @@ void LampEvents::AddFlicker() {
       if (!IsLit(x, y, period_s)) continue;
       for (const bool brighter : {true, false}) {
         const double share = (brighter ? kBrighterAt : kDarkerAt) + kSpread * (Uniform() - 0.5);
-        if (Uniform() >= kFires) continue;
-        upcoming_.push_back({begin_ns_ + NsFromSeconds(period_s + kFlicker_s * share), static_cast<std::uint16_t>(x),
-                             static_cast<std::uint16_t>(y), static_cast<std::uint8_t>(brighter)});
+        if (Uniform() < kFires) Add(period_s + kFlicker_s * share, x, y, brighter);
       }
     }
   }
@@ -54,9 +57,7 @@ void LampEvents::AddSwitch(const LampOptions::Switch& at) {
     for (int x = 0; x < width_; ++x) {
       const double threshold = kThreshold * (1 + kThresholdSpread * 3.46 * (Uniform() - 0.5));
       for (double passed = threshold * Uniform(); passed < contrast; passed += threshold) {
-        upcoming_.push_back({begin_ns_ + NsFromSeconds(at.at_s + takes_s * passed / contrast),
-                             static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y),
-                             static_cast<std::uint8_t>(at.factor > 1)});
+        Add(at.at_s + takes_s * passed / contrast, x, y, at.factor > 1);
       }
     }
   }

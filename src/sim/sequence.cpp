@@ -181,6 +181,7 @@ struct Sequence::Impl {
 
   /// How many times its mean the light is.
   float BrightnessAt(double t_s) const {
+    if (options.flicker == 0) return 1;  // asked for each probe
     return static_cast<float>(1 + options.flicker * std::sin(2 * M_PI * options.flicker_hz * t_s));
   }
 

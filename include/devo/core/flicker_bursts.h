@@ -27,7 +27,10 @@ class FlickerBursts {
   bool found() const {
     return std::any_of(scales_.begin(), scales_.end(), [](const FlickerScale& scale) { return scale.found(); });
   }
-  bool IsOfLamp(const Event& event) const { return scales_[0].IsOfLamp(event) || scales_[1].IsOfLamp(event); }
+  bool IsOfLamp(const Event& event) const {
+    return std::any_of(scales_.begin(), scales_.end(),
+                       [&](const FlickerScale& scale) { return scale.IsOfLamp(event); });
+  }
   void Clear() {
     for (FlickerScale& scale : scales_) scale.Clear();
   }

@@ -36,6 +36,7 @@ class LampEvents {
 
  private:
   double Uniform() { return static_cast<double>(random_()) / 4294967296.0; }  // the same with every standard library
+  void Add(double t_s, int x, int y, bool brighter);
   bool IsLit(int x, int y, double t_s) const;
   void AddFlicker();
   void AddSwitch(const LampOptions::Switch& at);

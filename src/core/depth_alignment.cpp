@@ -32,6 +32,8 @@ constexpr int kMinMatches = 100;
 constexpr double kMinOverlap = 0.2;
 constexpr double kSigmaOfMedian = 1.4826;  // of a normal distribution's absolute values
 constexpr double kMostOfAll = 0.5;         // of what is known of a direction, that one thing may tell
+constexpr int kPatch = 8;                  // cells of its side
+constexpr int kMinPatches = 36;            // about half of the image
 
 /// The way of an alignment; the first iterations with every kCoarseStep-th cell.
 struct Course {
@@ -269,6 +271,37 @@ std::optional<DepthAligner::Result> DepthAligner::Align(const DepthCells& ref, c
   const Matrix6d known = found.to_units * found.known.asDiagonal() * found.from_units.transpose();
   result.T_ref_depth = T_start * Exp(known * Log(T_start.inverse() * result.T_ref_depth));
   return result;
+}
+
+std::optional<DepthAligner::Residuals> DepthAligner::ResidualsOf(const DepthCells& ref, const DepthCells& now,
+                                                                 const Result& result) const {
+  const int across = (columns_ + kPatch - 1) / kPatch, down = (rows_ + kPatch - 1) / kPatch;
+  std::vector<Vector6d> patches(static_cast<std::size_t>(across) * down, Vector6d::Zero());
+  Matrix6d H = Matrix6d::Zero(), of_cells = Matrix6d::Zero(), of_patches = Matrix6d::Zero();
+  const auto add = [&](const DepthCells::Cell& cell, float distance, float weight, const Vector6d& row) {
+    const auto index = static_cast<int>(&cell - now.cells.data());
+    const int patch = index / columns_ / kPatch * across + index % columns_ / kPatch;
+    const Vector6d weighted = weight * row, pull = distance * weighted;
+    patches[static_cast<std::size_t>(patch)] += pull;
+    of_cells.noalias() += pull * pull.transpose();
+    H.noalias() += weighted * row.transpose();
+  };
+  ForMatches(ref, now, result.T_ref_depth, result.sigma_m, 1, {}, add);
+  int used = 0;
+  for (const Vector6d& pull : patches) {
+    of_patches.noalias() += pull * pull.transpose();
+    used += pull.isZero() ? 0 : 1;
+  }
+  const Directions found = DirectionsOf(H, now.median_m, result.sigma_m);
+  if (used < kMinPatches || found.known.isZero()) return std::nullopt;
+  // The alignment has made the pulls small along six directions: so many patches tell nothing.
+  of_patches *= static_cast<double>(used) / (used - 6);
+  const Vector6d stated = found.values.cwiseMax(1e-12) * (result.sigma_m * result.sigma_m);
+  const auto over_stated = [&](const Matrix6d& squares) {
+    const Vector6d along = (found.to_units.transpose() * squares * found.to_units).diagonal();
+    return found.known.dot(along.cwiseQuotient(stated)) / found.known.sum();
+  };
+  return Residuals{over_stated(of_cells), over_stated(of_patches), result.sigma_m / now.median_m};
 }
 
 DepthAligner::CellMask DepthAligner::OnWhatAloneHolds(const DepthCells& ref, const DepthCells& now,

@@ -13,8 +13,9 @@
 namespace devo {
 namespace {
 
-// Depth errs alike for about this long: images that follow each other sooner count for less.
-constexpr double kAlike_s = 0.1;
+// What depth does not get wrong by noise alone it gets wrong alike for about this long: images that follow each other
+// sooner count for less. Where no inertial sensor guides them poses need depth sooner.
+constexpr double kAlikeGuided_s = 0.5, kAlikeAlone_s = 0.1;
 // By so much events' map and depth are apart in image after image, whatever the motion: m and rad.
 constexpr double kMapsApart = 3e-3;
 constexpr double kPast_s = 1;
@@ -32,9 +33,9 @@ constexpr double kDrift_m_s = 0.1;  // also in rad/s
 constexpr double kAstray_m_s = 1;
 // What is stated is cautious (it counts what a motion might have done), but does not know that errors of a velocity
 // that events alone tell last until depth mends them.
-constexpr double kStatedGuided = 0.26, kStatedAlone = 0.18;
-// What depth errs alike in image after image is not averaged, however many there are in a second.
-constexpr double kPeriodExponent = 0.3, kLeastPeriod_s = 0.02, kForgetsPeriod_s = 1;
+constexpr double kStatedGuided = 0.21, kStatedAlone = 0.18;
+// Where depth comes seldom, poses are better than is stated of them.
+constexpr double kPeriodExponent = 0.2, kForgetsPeriod_s = 1;
 constexpr double kAgrees_s = 0.1, kMaxSince_s = 2, kGrowthAlone = 0.3;
 // How events and depth come apart is known from few moments: by itself it says half of what it seems to, as a power.
 constexpr double kErrorExponent = 0.5;
@@ -83,7 +84,7 @@ Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
 
 double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
   const double apart = std::pow(error_scale_.variance_scale(), kErrorExponent);
-  if (guided) return kStatedGuided * apart * std::pow(kUsualPeriod_s / period_s_, kPeriodExponent);
+  if (guided) return kStatedGuided * apart * std::pow(std::min(1.0, kUsualPeriod_s / period_s_), kPeriodExponent);
   const double since_s = std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s);
   return kStatedAlone * apart * std::pow(1 + since_s / kAgrees_s, kGrowthAlone);
 }
@@ -104,12 +105,12 @@ void DepthFusion::NoteContradiction(std::int64_t t_ns, bool contradicts, const V
 
 void DepthFusion::NotePeriod(double since_s) {
   const double share = std::min(1.0, since_s / kForgetsPeriod_s);
-  period_s_ += share * (std::clamp(since_s, kLeastPeriod_s, kForgetsPeriod_s) - period_s_);
+  period_s_ += share * (std::min(since_s, kForgetsPeriod_s) - period_s_);
 }
 
 std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& depth, const Estimate& estimate) {
   NoteVelocity(depth);
-  const double since_s = agreed_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_->t_ns)) : kAlike_s;
+  const double since_s = agreed_ ? std::max(1e-3, SecondsFromNs(depth.t_ns - agreed_->t_ns)) : kAlikeGuided_s;
   const Matrix6d I = Matrix6d::Identity();
   const Vector6d residual = Log(estimate.T_world_event.inverse() * depth.T_world_event);
   const Vector6d& per_delay = depth.per_delay;
@@ -137,7 +138,8 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   NotePeriod(since_s);
   if (knows_all) found_ns_ = depth.t_ns;
 
-  Matrix6d R = std::max(1.0, kAlike_s / since_s) * alone + rest;
+  const double alike_s = depth.shared_share * (estimate.guided ? kAlikeGuided_s : kAlikeAlone_s);
+  Matrix6d R = std::max(1.0, alike_s / since_s) * alone + rest;
   if (!estimate.guided && !estimate.doubtful && !contradicts)
     R += std::max(0.0, square / kUsualSquare - 1) * (covariance + R);
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);

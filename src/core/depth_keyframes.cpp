@@ -22,12 +22,8 @@ struct ViewBounds {
 constexpr ViewBounds kNearViews = {0.5, 0.3}, kFarViews = {1, 0.8};
 constexpr int kMaxTried = 3;
 constexpr std::size_t kMaxKeyframes = 60;  // of about 150 kB
-// Cells share the errors of their surface; this many count as one measurement.
-constexpr double kCellsPerMeasurement = 10;
-// What a depth camera gets wrong alike everywhere (multipath, calibration), per metre of depth, and as a rotation. Most
-// of it is the same in two views that are near to each other.
-constexpr double kBiasShare = 5e-4, kBias_rad = 5e-4;
-constexpr double kOtherView = 0.3, kLeastBias = 0.1;
+// Most of what a depth camera gets wrong alike everywhere is the same in two views that are near to each other.
+constexpr double kOtherView = 0.3, kLeastBias = 0.1, kMostBias = 2;
 constexpr double kKnown_m = 0.05;        // also in radians
 constexpr double kSearchEvery_s = 0.15;  // for a lost camera
 // How well the pose of the first map's image is known, also in radians.
@@ -198,12 +194,12 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   pose.chapter = view.chapter;
   pose.T_world_event = WorldFromKeyframe(keyframe, view.delay_s) * T_key_event;
   const Matrix6d A = Adjoint(T_depth_event);
-  const Matrix6d H = A.transpose() * match.result.information * A / kCellsPerMeasurement;
+  const Matrix6d H = A.transpose() * match.result.information * A / errors_.CellsPerMeasurement();
   // (H^-1 + bias)^-1, where H may be singular.
   Vector6d bias;
-  bias << Eigen::Vector3d::Constant(kBiasShare * keyframe.cells.median_m), Eigen::Vector3d::Constant(kBias_rad);
+  bias << Eigen::Vector3d::Constant(keyframe.cells.median_m), Eigen::Vector3d::Ones();
   const double apart = ViewsApart(match.result.T_ref_depth, keyframe.cells.median_m);
-  bias *= std::min(1.0, kLeastBias + apart / kOtherView);
+  bias *= errors_.BiasShare() * std::min(kMostBias, kLeastBias + apart / kOtherView);
   Vector6d variance = bias.cwiseAbs2();
   if (keyframe.first) variance.array() += kFirst_m * kFirst_m;
   const Matrix6d B = variance.cwiseInverse().asDiagonal();
@@ -213,6 +209,7 @@ DepthPose DepthKeyframes::MakePose(const Match& match, const View& view) const {
   const Rigid3 T_event_keyevent = (T_event_depth_ * T_key_event).inverse();
   pose.per_delay = view.velocity_event - Adjoint(T_event_keyevent) * keyframe.view.velocity_event;
   pose.delay_sigma_s = view.delay_sigma_s;
+  pose.shared_share = errors_.SharedShare();
   return pose;
 }
 
@@ -249,6 +246,12 @@ DepthContinuity::Verdict DepthKeyframes::Judge(const Match& match, const DepthPo
   return continuity_.Judge({t_ns, view.T_world_event, pose.T_world_event, pose.information});
 }
 
+void DepthKeyframes::Learn(const Match& match, const DepthCells& now, const View& view) {
+  if (!options_.ideas.learn_depth_errors || !view.trusted || view.lost || match.reach == Reach::kFar) return;
+  const DepthCells& ref = keyframes_[static_cast<std::size_t>(match.keyframe)].cells;
+  if (const auto residuals = aligner_.ResidualsOf(ref, now, match.result)) errors_.Note(*residuals);
+}
+
 std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const View& view) {
   ++calls_;
   DepthCells now = aligner_.Reduce(depth.depth_m, options_.min_depth_m, options_.max_depth_m);
@@ -257,6 +260,7 @@ std::optional<DepthPose> DepthKeyframes::Align(const DepthImage& depth, const Vi
   if (found) {
     const DepthContinuity::Verdict verdict = Judge(found->match, found->pose, view, depth.t_ns);
     if (verdict == DepthContinuity::Verdict::kDoubtful) return std::nullopt;
+    Learn(found->match, now, view);
     current_ = found->match.keyframe;
     keyframes_[static_cast<std::size_t>(current_)].last_used = calls_;
     if (verdict == DepthContinuity::Verdict::kJumped) {

@@ -297,6 +297,7 @@ void WriteMessage(Stream& stream, const DepthPose& pose) {
   WriteMatrix(stream, pose.information);
   WriteMatrix(stream, pose.per_delay);
   stream.next(pose.delay_sigma_s);
+  stream.next(pose.shared_share);
   stream.next(static_cast<std::uint8_t>(pose.confirmed));
 }
 
@@ -308,6 +309,7 @@ void ReadMessage(IStream& stream, DepthPose& pose) {
   ReadMatrix(stream, pose.information);
   ReadMatrix(stream, pose.per_delay);
   stream.next(pose.delay_sigma_s);
+  stream.next(pose.shared_share);
   pose.confirmed = ReadBool(stream);
 }
 

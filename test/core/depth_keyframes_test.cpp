@@ -195,13 +195,28 @@ TEST(DepthKeyframes, AKeyframeIsKeptWhereItsDepthSaysAsFarAsTrackingIsUnsure) {
 }
 
 TEST(DepthKeyframes, AViewNearItsKeyframeIsKnownBetterThanOneFartherOff) {
-  DepthKeyframes keyframes(DepthRig());
-  keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
-  const auto near = keyframes.Align(ImageAt(Turned(0.01)), ViewAt(Turned(0.01)));
-  const auto far = keyframes.Align(ImageAt(Turned(0.15)), ViewAt(Turned(0.15)));
-  ASSERT_TRUE(near && far);
-  EXPECT_EQ(keyframes.size(), 1U);
-  EXPECT_GT(near->information.trace(), 2 * far->information.trace());
+  const auto information_at = [](double angle_rad) {
+    DepthKeyframes keyframes(DepthRig());
+    keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+    const auto pose = keyframes.Align(ImageAt(Turned(angle_rad)), ViewAt(Turned(angle_rad)));
+    EXPECT_EQ(keyframes.size(), 1U);
+    return pose.value().information.trace();
+  };
+  EXPECT_GT(information_at(0.01), 2 * information_at(0.15));
+}
+
+TEST(DepthKeyframes, ADepthCameraIsBelievedByWhatItsImagesLeaveUnlessThatIsNotLearnt) {
+  const auto last_of_ten = [](bool learn) {
+    MappingOptions options;
+    options.ideas.learn_depth_errors = learn;
+    DepthKeyframes keyframes(DepthRig(), options);
+    std::optional<DepthPose> pose;
+    for (int k = 0; k <= 10; ++k) pose = keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+    return pose.value();
+  };
+  const DepthPose learnt = last_of_ten(true), usual = last_of_ten(false);
+  EXPECT_GT(learnt.information.trace(), 2 * usual.information.trace()) << "images with nothing but noise";
+  EXPECT_LT(learnt.shared_share, usual.shared_share - 0.2);
 }
 
 TEST(DepthKeyframes, ToTheFirstMapsImageOthersAreAlignedWithItsUncertaintyUntilOneTakesThePlaceOfAStandIn) {

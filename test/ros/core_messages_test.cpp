@@ -241,6 +241,7 @@ TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
   for (int i = 0; i < 36; ++i) pose.information(i / 6, i % 6) = i;
   pose.per_delay << 1, 2, 3, 4, 5, 6;
   pose.delay_sigma_s = 0.003;
+  pose.shared_share = 0.25;
   pose.confirmed = true;
   const auto bytes = Bytes(pose);
   const auto message = FromBytes<PoseByDepth>(bytes);
@@ -251,6 +252,7 @@ TEST(CoreMessages, APoseByDepthReadAsItsMessageHasTheSameContent) {
   EXPECT_DOUBLE_EQ(message.information[1 * 6 + 2], 8);
   EXPECT_DOUBLE_EQ(message.per_delay[5], 6);
   EXPECT_DOUBLE_EQ(message.delay_sigma_s, 0.003);
+  EXPECT_DOUBLE_EQ(message.shared_share, 0.25);
   EXPECT_TRUE(message.confirmed);
   EXPECT_EQ(Bytes(FromBytes<DepthPose>(bytes)), bytes);
 }

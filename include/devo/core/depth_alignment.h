@@ -45,6 +45,17 @@ class DepthAligner {
   std::optional<Result> Align(const DepthCells& ref, const DepthCells& now, const Rigid3& T_ref_depth,
                               Reach reach = Reach::kNear, const CellMask& without = {}) const;
 
+  /// What is left between the surfaces of two aligned images, as squared errors of the alignment over what
+  /// Result::information says of it, in the mean of the known directions.
+  struct Residuals {
+    double of_cells;     ///< were each cell's error its own
+    double of_patches;   ///< as patches of 8 x 8 cells err: larger where the errors within one are alike
+    double sigma_share;  ///< spread of the distances over the depth of the scene
+  };
+  /// By cluster-robust covariances (Liang and Zeger, "Longitudinal data analysis using generalized linear models",
+  /// Biometrika 1986). Empty where too little of the view is compared for its patches to tell.
+  std::optional<Residuals> ResidualsOf(const DepthCells& ref, const DepthCells& now, const Result& result) const;
+
   /// The cells of `now` on things each of which tells more of some direction than all else that was aligned: had it
   /// moved by itself, that would look like a motion of the camera. Empty where there is none.
   CellMask OnWhatAloneHolds(const DepthCells& ref, const DepthCells& now, const Result& result) const;

@@ -10,6 +10,7 @@
 
 #include "devo/core/depth_alignment.h"
 #include "devo/core/depth_continuity.h"
+#include "devo/core/depth_errors.h"
 #include "devo/core/depth_image.h"
 #include "devo/core/depth_pose.h"
 #include "devo/core/options.h"
@@ -103,7 +104,10 @@ class DepthKeyframes {
   void Keep(DepthCells cells, const View& view);
   DepthContinuity::Verdict Judge(const Match& match, const DepthPose& pose, const View& view, std::int64_t t_ns);
 
+  void Learn(const Match& match, const DepthCells& now, const View& view);
+
   DepthAligner aligner_;
+  DepthErrors errors_;
   MappingOptions options_;
   Rigid3 T_event_depth_;
   std::deque<Keyframe> keyframes_;

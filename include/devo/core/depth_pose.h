@@ -22,6 +22,9 @@ struct DepthPose {
   Vector6d per_delay = Vector6d::Zero();
   double delay_sigma_s = 0;  ///< how well that delay was known
 
+  /// Share of the squared error that the images after it have, too: 1 of what a sensor gets wrong, 0 of noise.
+  double shared_share = 1;
+
   /// Where it contradicts the pose by events: aligned from that one's other side, too, the image comes to this place.
   /// One that is aligned to a wrong place has stopped on its way from where it began.
   bool confirmed = false;

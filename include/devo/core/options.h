@@ -32,6 +32,7 @@ struct MappingIdeas {
   bool refine_points = true;
   bool spread_points = true;
   bool guess_depth = true;
+  bool learn_depth_errors = true;
   bool depth_jumps = true;
   bool doubt_things = true;
 };
@@ -148,6 +149,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "tracked points are spread over the image; false: drawn from all of it alike");
   visit("ablation.guess_depth", mapping.guess_depth,
         "edges where neither map nor depth is get one from around them, which further views correct; false: none");
+  visit("ablation.learn_depth_errors", mapping.learn_depth_errors,
+        "how a depth camera errs is learnt from what is left between aligned images; false: as cameras usually do");
   visit("ablation.depth_jumps", mapping.depth_jumps,
         "a depth camera that begins to see otherwise is followed from there; false: it is believed as before");
   visit("ablation.doubt_things", mapping.doubt_things,

@@ -22,7 +22,8 @@ struct ViewBounds {
 constexpr ViewBounds kNearViews = {0.5, 0.3}, kFarViews = {1, 0.8};
 constexpr int kMaxTried = 3;
 constexpr std::size_t kMaxKeyframes = 60;  // of about 150 kB
-// Most of what a depth camera gets wrong alike everywhere is the same in two views that are near to each other.
+// Most of what a depth camera gets wrong alike everywhere is the same in two views that are near to each other; of two
+// that share little it is more than of this distance (of the depth, or rad).
 constexpr double kOtherView = 0.3, kLeastBias = 0.1, kMostBias = 2;
 constexpr double kKnown_m = 0.05;        // also in radians
 constexpr double kSearchEvery_s = 0.15;  // for a lost camera

@@ -50,6 +50,25 @@ TEST(DepthErrors, NoiseIsLittleMoreInPatchesThanInCells) {
   EXPECT_LT(of_cells, 1) << "outliers aside, cells err by less than their spread says";
 }
 
+TEST(DepthErrors, AlignmentsOfNoisyImagesErrByWhatTheirPatchesSay) {
+  const DepthAligner aligner(DepthSceneCamera());
+  double of_patches = 0, true_squares = 0;
+  constexpr unsigned kImages = 24;
+  for (unsigned seed = 0; seed < kImages; ++seed) {
+    const auto seen = [&aligner](unsigned of_image) {
+      return aligner.Reduce(DepthSeen(Rigid3(), kSigma_m, DepthScene::kFurnishedRoom, of_image));
+    };
+    const DepthCells ref = seen(2 * seed), now = seen(2 * seed + 1);
+    const auto aligned = aligner.Align(ref, now, Rigid3());
+    ASSERT_TRUE(aligned);
+    const Vector6d error = Log(aligned->T_ref_depth);
+    true_squares += error.dot(aligned->information * error) / 6 / kImages;
+    of_patches += aligner.ResidualsOf(ref, now, *aligned).value().of_patches / kImages;
+  }
+  EXPECT_GT(true_squares, 0.5 * of_patches);
+  EXPECT_LT(true_squares, 2 * of_patches);
+}
+
 TEST(DepthErrors, WhatIsAlikeInAPatchIsMoreInPatchesThanInCells) {
   const auto residuals = ResidualsWith(kSigma_m, 2 * kSigma_m, 1);
   ASSERT_TRUE(residuals);

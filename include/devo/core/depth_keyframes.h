@@ -103,7 +103,7 @@ class DepthKeyframes {
   bool IsConfirmed(const Match& match, const DepthPose& pose, const DepthCells& now, const View& view) const;
   void Keep(DepthCells cells, const View& view);
   DepthContinuity::Verdict Judge(const Match& match, const DepthPose& pose, const View& view, std::int64_t t_ns);
-
+  /// From an image of which tracking knows where it was taken, how the camera errs; for the next one.
   void Learn(const Match& match, const DepthCells& now, const View& view);
 
   DepthAligner aligner_;

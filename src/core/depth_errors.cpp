@@ -9,12 +9,12 @@ namespace {
 
 /// What is learnt, each as a logarithm, as its scatter is one of factors.
 enum Learnt { kOfPatches, kOfCells, kAlikePerMetre };
-// Of a depth camera that is not known yet: ten cells are a measurement, a tenth of its squared error is noise.
-constexpr double kUsualOfPatches = 0.625, kUsualOfCells = 0.0625, kUsualAlike = 2.5e-4;
-constexpr double kUsualCount = 2, kMostCount = 10;
 // Patches show a part only: what is alike across them looks like a motion, and is gone once the images are aligned.
 // Against ground truth alignments err by 4 to 40 times, in the median 16, what patches let expect as a square.
 constexpr double kUnseen = 16;
+// Of a depth camera that is not known yet: ten cells are a measurement, a tenth of its squared error is noise.
+constexpr double kUsualOfPatches = 10 / kUnseen, kUsualOfCells = kUsualOfPatches / 10, kUsualAlike = 2.5e-4;
+constexpr double kUsualCount = 2, kMostCount = 10;
 constexpr double kLeastOfPatches = 0.05;
 constexpr double kCellsAlike = 8;  // of a patch, so many err as one
 constexpr double kLeastShare = 5e-5, kMostShare = 1.5e-3;

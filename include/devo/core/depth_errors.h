@@ -11,7 +11,7 @@
 
 namespace devo {
 
-/// Of the last ten images or so, and before them of what is usual. Not thread-safe.
+/// Of the last ten images or so, beside which what is usual counts as two. Not thread-safe.
 class DepthErrors {
  public:
   /// Of an image that was aligned to one nearby.

@@ -131,7 +131,7 @@ DepthKeyframes::Match DepthKeyframes::FindNear(const DepthCells& now, const View
 std::optional<DepthKeyframes::Found> DepthKeyframes::Find(const DepthCells& now, const View& view) const {
   const auto found_by = [&](const Match& match) {
     Found found{match, MakePose(match, view)};
-    const bool doubtful = view.lost || found.pose.Contradicts(view.T_world_event, view.covariance);
+    const bool doubtful = view.lost || found.pose.SquareApart(view.T_world_event, view.covariance) > view.doubtful_from;
     found.pose.confirmed = doubtful && match.rests == Rests::kOnMany && IsConfirmed(match, found.pose, now, view);
     return found;
   };

@@ -8,6 +8,7 @@
 #include "devo/core/depth_guess.h"
 #include "devo/core/edge_lag.h"
 #include "devo/core/edge_motion.h"
+#include "devo/core/events_misfit.h"
 #include "devo/core/scene_depth.h"
 #include "devo/core/time.h"
 
@@ -32,6 +33,9 @@ constexpr double kSceneMoved = 0.5;  // cells of the scene's depth: from there o
 // point that is guessed too near takes its depth from the way, and the way then its length from such points, unless it
 // is as well known as this: m, or as a share of it.
 constexpr double kReadsMost = 0.3, kWayKnown_m = 5e-3, kWayKnownShare = 0.01;
+// What is stated of a pose that no inertial sensor guides grows once depth has contradicted it: what is farther off
+// than this (DepthPose::SquareApart) may contradict tracking's own idea of it.
+constexpr double kDoubtfulAlone = 3;
 // Surfaces of views nearer to each other have much of their errors in common: one of them refines the map.
 constexpr double kNewView = 0.01;
 
@@ -204,6 +208,13 @@ Mapper::Change Mapper::UpdateFromDepth() {
   return change;
 }
 
+double Mapper::DoubtfulFrom(std::int64_t t_ns) const {
+  if (!velocity_of_poses_ || !options_.tracking.ideas.doubt_events) return kHardlyTheSame;
+  if (!sure_) return 0;
+  const bool soon = SecondsFromNs(t_ns - last_match_.depth.t_ns) < kInQuickSuccession_s;
+  return soon ? kDoubtfulAlone : kHardlyTheSame;
+}
+
 DepthKeyframes::View Mapper::ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const {
   DepthKeyframes::View view;
   view.T_world_event = T_world_event;
@@ -216,6 +227,7 @@ DepthKeyframes::View Mapper::ViewAt(std::int64_t t_ns, const Rigid3& T_world_eve
   view.lost = lost_;
   view.turn_known = !velocity_of_poses_;
   view.covariance = covariance_;
+  view.doubtful_from = DoubtfulFrom(t_ns);
   return view;
 }
 

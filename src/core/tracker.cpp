@@ -56,6 +56,9 @@ constexpr double kSeenSpeed_m_s = 1;
 // A turn sought in the events leaves edges blurred, and surfaces that have most of their events in common blurred
 // alike: beside an inertial sensor, which goes on from the velocity that they show, those of a start count for so much.
 constexpr double kBlurredAlike = 0.2;
+// What events get wrong beyond what is stated they get wrong alike in surface after surface, which count for less
+// together than each.
+constexpr double kMisfitPower = 2;
 // Events of so long make a surface, about.
 constexpr double kTurnSpan_s = 0.02;
 // Of surfaces that come more often than this, not all wait for a map: it is to be met within a moment.
@@ -122,6 +125,7 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   estimate.guided = inertial_prior_;
   estimate.event_delay_s = DelayAgainstInertial();
   estimate.doubtful = status_.doubtful();
+  NoteMisfit(depth, T_world_then, covariance);
   const auto correction = depth_fusion_.Correct(depth, estimate);
   const bool was_false = correction && correction->widened > 1;
   if (was_false && !held() && GoesAstrayAgain()) {
@@ -139,6 +143,12 @@ void Tracker::AddDepthPose(const DepthPose& depth) {
   } else if ((!correction && depth.KnowsAllDirections()) || IsSeenMoving()) {
     Contradict(depth, depth.T_world_event * (T_world_then.inverse() * motion_.pose()));
   }
+}
+
+void Tracker::NoteMisfit(const DepthPose& depth, const Rigid3& T_world_then, const Matrix6d& covariance) {
+  if (inertial_prior_ || !depth.KnowsAllDirections() || !options_.tracking.ideas.doubt_events) return;
+  const double square = depth.SquareApart(T_world_then, covariance);
+  events_misfit_.Note(depth.t_ns, square, depth.confirmed || status_.doubtful());
 }
 
 bool Tracker::GoesAstrayAgain() const {
@@ -212,6 +222,7 @@ void Tracker::Reset() {
   past_.Clear();
   history_.Clear();
   depth_fusion_.Reset();
+  events_misfit_ = EventsMisfit();
   standstill_.Clear();
   T_world_by_depth_.reset();
   inertial_.Clear();
@@ -363,7 +374,9 @@ SensorDelays Tracker::Delays() const {
 
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const {
   const double by_residuals = std::pow(residual_scale_.variance_scale(), inertial_prior_ ? kGuidedExponent : 1);
-  Matrix6d covariance = depth_fusion_.VarianceScale(motion_.time_ns(), inertial_prior_) * by_residuals * now.covariance;
+  const double misfit = inertial_prior_ ? 1 : events_misfit_.TimesAt(motion_.time_ns());
+  Matrix6d covariance =
+      depth_fusion_.VarianceScale(motion_.time_ns(), inertial_prior_) * by_residuals * misfit * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * event_delay_s, 2)
@@ -526,6 +539,7 @@ void Tracker::Measure(const Surface& surface, const MotionFilter::Prediction& pr
                                               alike.shared / alike.own, residual_scale_.variance_scale());
   const double weight = status_.quality().Weight(result.inlier_share);
   if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);
+  if (!inertial_prior_) step_.measured->Weigh(std::pow(events_misfit_.TimesAt(surface.t_edges_ns), -kMisfitPower));
   if (inertial_prior_ && !surface.turn_event.isZero()) step_.measured->Weigh(kBlurredAlike);
   motion_.Update(surface.t_edges_ns, *step_.measured);
 }

@@ -58,6 +58,22 @@ TEST(DepthKeyframes, AContradictionIsConfirmedWhereAlignmentsFromBothSidesEndAtO
   EXPECT_FALSE(agrees->confirmed) << "there is nothing to confirm";
 }
 
+TEST(DepthKeyframes, APoseThatAgreesIsConfirmedAsWellWhereTrackingAsksForIt) {
+  MappingOptions options;
+  options.ideas.doubt_things = false;  // the corner that shows the way is one
+  DepthKeyframes keyframes(DepthRig(), options);
+  keyframes.Align(ImageAt(Rigid3()), ViewAt(Rigid3()));
+  DepthKeyframes::View view = ViewAt(Rigid3::Translation({0.01, 0.005, 0}));
+  view.covariance = std::pow(0.02, 2) * Matrix6d::Identity();
+  const auto unasked = keyframes.Align(ImageAt(Rigid3()), view);
+  ASSERT_TRUE(unasked);
+  EXPECT_FALSE(unasked->confirmed);
+  view.doubtful_from = 0;
+  const auto asked = keyframes.Align(ImageAt(Rigid3()), view);
+  ASSERT_TRUE(asked);
+  EXPECT_TRUE(asked->confirmed);
+}
+
 DepthKeyframes::View SureViewAt(const Rigid3& T_world_event) {
   DepthKeyframes::View view = ViewAt(T_world_event);
   view.covariance = std::pow(0.003, 2) * Matrix6d::Identity();

@@ -601,6 +601,41 @@ TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
   EXPECT_TRUE(PosesByDepth(options, off).empty());
 }
 
+/// Whether the last of six depth images is confirmed, of which tracking was as wrong as it says.
+bool IsConfirmed(std::int64_t period_ns, const PoseEstimate& like, bool doubt_events = true) {
+  OdometryOptions options;
+  options.tracking.ideas.doubt_events = doubt_events;
+  Mapper mapper(RoomRig(), options);
+  std::vector<DepthPose> poses;
+  for (int k = 1; k <= 6; ++k) {
+    mapper.AddSurface(SurfaceAt(k * period_ns, Edges(600, 16)));
+    if (k > 1) {
+      PoseEstimate pose = like;
+      pose.t_ns = pose.t_edges_ns = k * period_ns;
+      if (k == 6) pose.T_world_event = pose.T_world_event_edges = Rigid3::Translation({0.01, -0.01, 0.01});
+      pose.covariance_in_chapter = 4e-5 * Matrix6d::Identity();
+      mapper.AddPose(pose);
+    }
+    mapper.AddDepth({k * period_ns, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, k)});
+    mapper.Update();
+    poses = mapper.TakeDepthPoses();
+  }
+  EXPECT_THAT(poses, SizeIs(1));
+  return !poses.empty() && poses[0].confirmed;
+}
+
+TEST(Mapper, ConfirmsDepthPosesOfADoubtfulCameraWithoutAnInertialSensorUnlessThatIsSwitchedOff) {
+  PoseEstimate guided = PoseAt(0), alone = guided, unsure = guided;
+  alone.velocity_of_poses = unsure.velocity_of_poses = true;
+  unsure.state = TrackingState::kDegraded;
+  EXPECT_FALSE(IsConfirmed(33 * kMs, guided));
+  EXPECT_TRUE(IsConfirmed(33 * kMs, alone));
+  EXPECT_FALSE(IsConfirmed(200 * kMs, alone)) << "not in quick succession";
+  EXPECT_TRUE(IsConfirmed(200 * kMs, unsure));
+  EXPECT_FALSE(IsConfirmed(33 * kMs, alone, false));
+  EXPECT_FALSE(IsConfirmed(33 * kMs, unsure, false));
+}
+
 TEST(Mapper, SaysWhereTheCameraWasByTheDepthImageOfTheFirstMapWhereMoreThanEventsTellsItsPose) {
   const Rigid3 off = Exp((Vector6d() << 0.01, -0.02, 0.01, 0.01, 0.01, -0.01).finished());
   for (const bool by_events : {false, true}) {

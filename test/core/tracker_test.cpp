@@ -1311,6 +1311,39 @@ TEST(Tracker, IsBroughtBackByDepthFromAPoseThatIsWrong) {
   EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 2e-3);
 }
 
+/// A camera that stands while its events show another motion, 50 ms after the last of ten depth images that tell.
+PoseEstimate LedByFalseEvents(bool doubt_events, bool inertial) {
+  TrackingIdeas ideas;
+  ideas.doubt_events = doubt_events;
+  ideas.search = false;
+  OdometryOptions options;
+  options.tracking.ideas = ideas;
+  Tracker tracker(TestCamera(), options);
+  tracker.SetMap(Map());
+  std::optional<PoseEstimate> pose;
+  for (int k = 1; k <= 35; ++k) {
+    const std::int64_t t_ns = k * kPeriod_ns;
+    if (inertial) AddReadings([](std::int64_t t) { return ReadAlongX(t, 0); }, t_ns, &tracker);
+    pose = tracker.Track(Seen(t_ns, Exp((k % 6 - 3) * (Vector6d() << 0.01, -0.008, 0, 0.005, 0.006, 0).finished())));
+    if (k % 3 != 0 || k > 30) continue;
+    DepthPose depth = ByDepth(t_ns, Rigid3());
+    depth.confirmed = true;
+    tracker.AddDepthPose(depth);
+  }
+  return *pose;
+}
+
+TEST(Tracker, FollowsEventsLessAndIsLessSureWhereDepthFindsThemFalseUnlessThatIsSwitchedOff) {
+  const PoseEstimate doubted = LedByFalseEvents(true, false), believed = LedByFalseEvents(false, false);
+  EXPECT_LT(Log(doubted.T_world_event).norm(), 0.5 * Log(believed.T_world_event).norm());
+  EXPECT_GT(doubted.covariance_event.diagonal().head<3>().sum(),
+            2 * believed.covariance_event.diagonal().head<3>().sum());
+  EXPECT_LT(
+      Log(LedByFalseEvents(true, true).T_world_event.inverse() * LedByFalseEvents(false, true).T_world_event).norm(),
+      1e-9)
+      << "an inertial sensor has its own say";
+}
+
 TEST(Tracker, TakesItsVelocityFromDepthWhereItGoesAstrayAgainAndAgain) {
   const auto tracker = Moving();
   const Vector6d other = (Vector6d() << -0.5, 0.4, 0, 0.5, 1.5, 0).finished();

@@ -33,9 +33,11 @@ class DepthKeyframes {
     double delay_s = 0;                          ///< by how much events are taken to be later than depth images
     double delay_sigma_s = 0;                    ///< of that
     int chapter = 0;
-    bool lost = false;                       ///< the camera may be anywhere, whatever is stated of its pose
-    bool turn_known = false;                 ///< but an inertial sensor has followed its rotation
-    bool trusted = false;                    ///< the image may become a keyframe
+    bool lost = false;        ///< the camera may be anywhere, whatever is stated of its pose
+    bool turn_known = false;  ///< but an inertial sensor has followed its rotation
+    bool trusted = false;     ///< the image may become a keyframe
+    /// A pose by depth that is farther off than this (DepthPose::SquareApart) is to be confirmed.
+    double doubtful_from = kHardlyTheSame;
     Matrix6d covariance = Matrix6d::Zero();  ///< of a right perturbation [rho; phi] of T_world_event, m and rad
   };
 

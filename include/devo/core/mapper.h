@@ -93,6 +93,8 @@ class Mapper {
   std::optional<DepthImage> DepthOf(const LidarSweep& sweep, const Surface& surface);
   /// Of the first map, for later images to be aligned to, as soon as poses tell where it was made.
   void KeepFirstDepth();
+  /// DepthKeyframes::View::doubtful_from of an image of this time.
+  double DoubtfulFrom(std::int64_t t_ns) const;
   DepthKeyframes::View ViewAt(std::int64_t t_ns, const Rigid3& T_world_event) const;
   /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image.
   struct Move {

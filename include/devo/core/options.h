@@ -46,6 +46,7 @@ struct TrackingIdeas {
   bool noise_of_normals = true;
   bool weigh_events = true;
   bool weigh_matches = true;
+  bool doubt_events = true;
   bool shared_errors = true;
   bool calm_motion = true;
   bool motion_prior = true;
@@ -173,6 +174,9 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "poses that match less than usual count less; false: as those that match as usual");
   visit("ablation.weigh_events", tracking.weigh_events,
         "poses of few events count less against the motion so far; false: as those of many");
+  visit("ablation.doubt_events", tracking.doubt_events,
+        "without an inertial sensor, poses that depth images in quick succession find farther off than stated count "
+        "less; false: as stated");
   visit("ablation.shared_errors", tracking.shared_errors,
         "what successive alignments err alike is told from motion by its likeness; false: each errs by itself, twice "
         "as much");

@@ -13,6 +13,7 @@
 #include "devo/core/depth_fusion.h"
 #include "devo/core/depth_pose.h"
 #include "devo/core/errors_alike.h"
+#include "devo/core/events_misfit.h"
 #include "devo/core/inertial_buffer.h"
 #include "devo/core/inertial_trial.h"
 #include "devo/core/local_map.h"
@@ -93,6 +94,8 @@ class Tracker {
                double speed_sigma_m_s = MotionFilter::kStartSpeed_m_s);
   /// The filter starts anew, at its time and pose of now.
   void NoteStart();
+  /// The pose of then, of this covariance, is held against that by depth, where nothing else says how far off it is.
+  void NoteMisfit(const DepthPose& depth, const Rigid3& T_world_then, const Matrix6d& covariance);
   /// Moved to where depth has it, the pose went astray again until the last depth image: its velocity is
   /// false, and depth knows a better.
   bool GoesAstrayAgain() const;
@@ -153,6 +156,7 @@ class Tracker {
   RestDetector rest_;  // until tracking starts
   PoseHistory history_;
   DepthFusion depth_fusion_;
+  EventsMisfit events_misfit_;              // of poses that no inertial sensor guides
   std::optional<Rigid3> T_world_by_depth_;  // of now, where depth contradicts
   Standstill standstill_;
   Relocalizer relocalizer_;

@@ -20,7 +20,6 @@ constexpr double kAlikeGuided_s = 0.5, kAlikeAlone_s = 0.1;
 constexpr double kMapsApart = 3e-3;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
-constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
 // Real depth errs in more ways than are stated (its calibration moves, its clock is off). What differs more than usual,
 // as a normalised square, may be its error as well as the pose's, unless something else says that it is the pose.
 constexpr double kUsualSquare = 4;
@@ -42,9 +41,9 @@ constexpr double kErrorExponent = 0.5;
 
 }  // namespace
 
-bool DepthFusion::KnowsVelocity() const {
+bool DepthFusion::KnowsVelocity(double period_s) const {
   const double since_s = last_ ? SecondsFromNs(last_->t_ns - velocity_since_ns_) : 0;
-  return since_s > 0 && since_s < kMaxPeriod_s;
+  return since_s > 0 && since_s < period_s;
 }
 
 void DepthFusion::NoteVelocity(const DepthPose& depth) {

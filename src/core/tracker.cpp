@@ -152,7 +152,8 @@ void Tracker::NoteMisfit(const DepthPose& depth, const Rigid3& T_world_then, con
 }
 
 bool Tracker::GoesAstrayAgain() const {
-  return depth_fusion_.KnowsVelocity() && !inertial_prior_ && depth_fusion_.replacements() > 1;
+  const bool knows_velocity = depth_fusion_.KnowsVelocity(kInQuickSuccession_s);
+  return knows_velocity && !inertial_prior_ && depth_fusion_.replacements() > 1;
 }
 
 void Tracker::StartByDepth(const DepthPose& depth, const Vector6d& velocity_event) {

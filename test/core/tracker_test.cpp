@@ -1311,6 +1311,24 @@ TEST(Tracker, IsBroughtBackByDepthFromAPoseThatIsWrong) {
   EXPECT_LT(Log(jumped.inverse() * pose->T_world_event).norm(), 2e-3);
 }
 
+TEST(Tracker, KeepsItsVelocityWhereDepthImagesThatFindItAstrayLieFarApart) {
+  const auto tracker = Moving();
+  const Vector6d other = (Vector6d() << -0.5, 0.4, 0, 0.5, 1.5, 0).finished();
+  for (int k = 1; k <= 60; ++k) {
+    const std::int64_t t_ns = kNow_ns + k * kPeriod_ns;
+    tracker->Track(Seen(t_ns, TrueAt(t_ns)));
+    if (k % 20 != 0) continue;
+    DepthPose depth = ByDepth(t_ns, TrueAt(kNow_ns) * Exp(other * SecondsFromNs(t_ns - kNow_ns)));
+    depth.confirmed = true;
+    tracker->AddDepthPose(depth);
+  }
+  Surface blank = Seen(kNow_ns + 61 * kPeriod_ns, Rigid3());
+  blank.edges.clear();
+  blank.nearest_edge.setTo(Surface::kNoEdge);
+  tracker->Track(blank);
+  EXPECT_GT((tracker->SurfaceVelocity() - other).norm(), 0.5 * (other - Twist()).norm());
+}
+
 /// A camera that stands while its events show another motion, 50 ms after the last of ten depth images that tell.
 PoseEstimate LedByFalseEvents(bool doubt_events, bool inertial) {
   TrackingIdeas ideas;

@@ -41,6 +41,8 @@ constexpr double kMaxBefore = 0.25;  // of the time between two images, that lie
 constexpr double kHeld_m = 5e-3;     // a pose is held as if it were known so well: farther off, the camera has moved
 // Two poses found within this time tell the velocity, if it is one.
 constexpr double kStartsTogether_s = 0.1, kMaxStart_m_s = 3, kMaxStart_rad_s = 8;
+// Two depth images tell one within this time: in a longer one, fast motions have turned round.
+constexpr double kTellsVelocity_s = 0.12;
 // Dark pixels answer later than bright ones: of the delay of events, which is their mean, so much is the standard
 // deviation of what the edges in view have of it together.
 constexpr double kDelaySpread = 0.5;
@@ -152,7 +154,7 @@ void Tracker::NoteMisfit(const DepthPose& depth, const Rigid3& T_world_then, con
 }
 
 bool Tracker::GoesAstrayAgain() const {
-  const bool knows_velocity = depth_fusion_.KnowsVelocity(kInQuickSuccession_s);
+  const bool knows_velocity = depth_fusion_.KnowsVelocity(kTellsVelocity_s);
   return knows_velocity && !inertial_prior_ && depth_fusion_.replacements() > 1;
 }
 

@@ -10,9 +10,9 @@
 
 namespace devo {
 
-/// Depth images that follow each other within this time, in seconds, tell where the camera is whatever events say: in
-/// a longer one a velocity leads farther astray than false events do.
-inline constexpr double kInQuickSuccession_s = 0.12;
+/// Depth images that follow each other within this time, in seconds, tell where the camera is whatever events say: over
+/// a longer one what is known of the velocity leads farther astray than false events do.
+inline constexpr double kInQuickSuccession_s = 0.08;
 
 /// Not thread-safe.
 class EventsMisfit {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/needed_neighbours.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace devo {
 namespace {
 
+constexpr int kNeighbours = 8;
 // Passing noise of this rate is a third of the least activity of a motion.
 constexpr double kTolerableNoise_hz = 0.05;
 // Passing noise of this rate is still little among the events of edges; lower ones cost more of the edges' own.
@@ -15,10 +17,10 @@ constexpr double kMostNoise_hz = 0.5;
 
 double ChanceOfNeighbours(int at_least, double rate_hz, std::uint32_t window_us) {
   const double none = std::exp(-rate_hz * 1e-6 * window_us);
-  double term = std::pow(none, 8), below = 0;
+  double term = std::pow(none, kNeighbours), below = 0;
   for (int k = 0; k < at_least; ++k) {
     below += term;
-    term *= (8 - k) * (1 - none) / ((k + 1) * none);
+    term *= (kNeighbours - k) * (1 - none) / ((k + 1) * none);
   }
   return 1 - below;
 }
@@ -35,7 +37,8 @@ NeededNeighbours ChooseNeeded(const NeededNeighbours& asked, double noise_hz, do
   NeededNeighbours needed = asked;
   if (asked.count == 0) return needed;
   const auto too_much_passes = [&](double most_hz) { return PassingHz(needed, noise_hz, on_share) > most_hz; };
-  if (!knows_noise || too_much_passes(kTolerableNoise_hz)) ++needed.count;
+  const bool one_more = !knows_noise || too_much_passes(kTolerableNoise_hz);
+  needed.count = std::min(kNeighbours, asked.count + (one_more ? 1 : 0));
   // A third neighbour would take more from the edges of low resolutions. Along an edge pixels fire together and alike.
   needed.same_polarity = too_much_passes(kMostNoise_hz);
   if (!too_much_passes(kMostNoise_hz)) return needed;

@@ -36,6 +36,12 @@ TEST(ChooseNeeded, LeavesEverythingToPassWhereNothingIsAskedForHoweverDenseTheNo
   EXPECT_FALSE(needed.same_polarity);
 }
 
+TEST(ChooseNeeded, AsksForNoMoreNeighboursThanAPixelHas) {
+  EXPECT_EQ(ChooseNeeded({8, 10000, false}, 0.1, 0.5, false).count, 8);
+  EXPECT_EQ(ChooseNeeded({8, 100000, false}, 100, 0.5, true).count, 8);
+  EXPECT_EQ(ChooseNeeded({7, 10000, false}, 0.1, 0.5, false).count, 8);
+}
+
 TEST(ChooseNeeded, TakesTheLongestWindowInWhichNotTooMuchNoisePasses) {
   NeededNeighbours needed = ChooseNeeded(kAsked, 40, 0.5, true);
   EXPECT_EQ(needed.count, 2);

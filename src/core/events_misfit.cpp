@@ -17,6 +17,7 @@ constexpr double kGrows_s = 0.05, kFades_s = 0.4;
 }  // namespace
 
 void EventsMisfit::Note(std::int64_t t_ns, double square, bool believed) {
+  if (t_ns <= noted_ns_ || !std::isfinite(square)) return;
   const double since_s = SecondsFromNs(t_ns - noted_ns_);
   mean_ = std::min(mean_, TimesAt(t_ns));
   noted_ns_ = t_ns;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/events_misfit.h"
 
+#include <limits>
+
 #include <gtest/gtest.h>
 
 namespace devo {
@@ -61,6 +63,16 @@ TEST(EventsMisfit, ImagesThatComeSeldomSayNothingAndWhatWasSaidFadesWithoutThem)
   EXPECT_LT(ended.TimesAt(10 * kPeriod_ns + 1'000'000'000), 7);
   ended.Note(10 * kPeriod_ns + 3'000'000'000, 300, true);
   EXPECT_LT(ended.TimesAt(10 * kPeriod_ns + 3'000'000'000), 1.1);
+}
+
+TEST(EventsMisfit, ImagesOutOfOrderOrWithoutAFiniteSquareSayNothing) {
+  EventsMisfit misfit;
+  Note(10, 60, &misfit);
+  const double times = misfit.TimesAt(10 * kPeriod_ns);
+  misfit.Note(5 * kPeriod_ns, 1e9, true);
+  misfit.Note(10 * kPeriod_ns, 1e9, true);
+  misfit.Note(11 * kPeriod_ns, std::numeric_limits<double>::quiet_NaN(), true);
+  EXPECT_EQ(misfit.TimesAt(10 * kPeriod_ns), times);
 }
 
 }  // namespace

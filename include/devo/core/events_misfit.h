@@ -19,7 +19,8 @@ class EventsMisfit {
  public:
   /// Of a depth image of this time, in the order of time. `square`: of the way from the pose by events to that by
   /// depth, over what is stated of both: 6 in the mean where that is right. `believed`: else depth may be wrong, and
-  /// the image says at most that events are right. Those that do not come in quick succession say nothing.
+  /// the image says at most that events are right. Those that do not come in quick succession say nothing, nor do those
+  /// that come out of order or whose square is not finite.
   void Note(std::int64_t t_ns, double square, bool believed);
 
   /// Squared errors of poses by events at this time over what is stated of them; at least 1, and less and less where

@@ -20,6 +20,7 @@ constexpr double kAlikeGuided_s = 0.5, kAlikeAlone_s = 0.1;
 constexpr double kMapsApart = 3e-3;
 constexpr double kPast_s = 1;
 constexpr double kLeastMotion = 5e-3;  // m and rad: less may be a sensor that warms up
+constexpr double kMaxPeriod_s = 0.25;  // between two depth images that tell the velocity
 // Real depth errs in more ways than are stated (its calibration moves, its clock is off). What differs more than usual,
 // as a normalised square, may be its error as well as the pose's, unless something else says that it is the pose.
 constexpr double kUsualSquare = 4;
@@ -50,7 +51,7 @@ void DepthFusion::NoteVelocity(const DepthPose& depth) {
   const DepthPose before = std::exchange(last_, depth).value_or(depth);
   velocity_since_ns_ = before.t_ns;
   velocity_.setZero();
-  if (KnowsVelocity()) {
+  if (KnowsVelocity(kMaxPeriod_s)) {
     velocity_ = Log(before.T_world_event.inverse() * depth.T_world_event) / SecondsFromNs(depth.t_ns - before.t_ns);
   }
   past_.push_back(depth);

@@ -7,7 +7,6 @@
 namespace devo {
 namespace {
 
-constexpr int kNeighbours = 8;
 // Passing noise of this rate is a third of the least activity of a motion.
 constexpr double kTolerableNoise_hz = 0.05;
 // Passing noise of this rate is still little among the events of edges; lower ones cost more of the edges' own.

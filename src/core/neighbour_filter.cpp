@@ -86,7 +86,7 @@ template <typename Neighbours>
 DEVO_ALWAYS_INLINE std::size_t Judge(Judged by, const Neighbours& neighbours, EventSpan events, std::uint32_t position,
                                      std::uint32_t* passed) {
   std::size_t count = 0;
-  const int most_old = 8 - by.needed;
+  const int most_old = kNeighbours - by.needed;
   for (const Event& event : events) {
     // Events jump about in the image: what a later one will need is fetched while this one is judged. One in five rows
     // of its neighbours goes on in the next cache line.

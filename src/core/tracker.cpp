@@ -153,6 +153,8 @@ void Tracker::NoteMisfit(const DepthPose& depth, const Rigid3& T_world_then, con
   events_misfit_.Note(depth.t_ns, square, depth.confirmed || status_.doubtful());
 }
 
+double Tracker::MisfitAt(std::int64_t t_ns) const { return inertial_prior_ ? 1 : events_misfit_.TimesAt(t_ns); }
+
 bool Tracker::GoesAstrayAgain() const {
   const bool knows_velocity = depth_fusion_.KnowsVelocity(kTellsVelocity_s);
   return knows_velocity && !inertial_prior_ && depth_fusion_.replacements() > 1;
@@ -377,9 +379,8 @@ SensorDelays Tracker::Delays() const {
 
 Matrix6d Tracker::StatedCovariance(const MotionFilter::Prediction& now, double event_delay_s) const {
   const double by_residuals = std::pow(residual_scale_.variance_scale(), inertial_prior_ ? kGuidedExponent : 1);
-  const double misfit = inertial_prior_ ? 1 : events_misfit_.TimesAt(motion_.time_ns());
-  Matrix6d covariance =
-      depth_fusion_.VarianceScale(motion_.time_ns(), inertial_prior_) * by_residuals * misfit * now.covariance;
+  const double by_depth = depth_fusion_.VarianceScale(motion_.time_ns(), inertial_prior_);
+  Matrix6d covariance = by_depth * by_residuals * MisfitAt(motion_.time_ns()) * now.covariance;
   // Without an inertial sensor nothing says which of events and depth is late against the other.
   const double clock_variance_s2 = inertial_prior_
                                        ? motion_.delay_variance_s2() + std::pow(kDelaySpread * event_delay_s, 2)
@@ -542,7 +543,7 @@ void Tracker::Measure(const Surface& surface, const MotionFilter::Prediction& pr
                                               alike.shared / alike.own, residual_scale_.variance_scale());
   const double weight = status_.quality().Weight(result.inlier_share);
   if (options_.tracking.ideas.weigh_matches && IsLed()) step_.measured->Weigh(weight);
-  if (!inertial_prior_) step_.measured->Weigh(std::pow(events_misfit_.TimesAt(surface.t_edges_ns), -kMisfitPower));
+  step_.measured->Weigh(std::pow(MisfitAt(surface.t_edges_ns), -kMisfitPower));
   if (inertial_prior_ && !surface.turn_event.isZero()) step_.measured->Weigh(kBlurredAlike);
   motion_.Update(surface.t_edges_ns, *step_.measured);
 }

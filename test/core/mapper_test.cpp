@@ -574,18 +574,28 @@ Rig RoomRig() {
   return rig;
 }
 
-/// What the mapper says of depth images of a room's corner, the last of them off its predicted pose by this.
-std::vector<DepthPose> PosesByDepth(const OdometryOptions& options, const Rigid3& off) {
-  Mapper mapper(RoomRig(), options);
+/// What a mapper that has seen nothing yet says of the last of five depth images of a room's corner, which is off its
+/// predicted pose by this; the predicted ones are as `like`.
+std::vector<DepthPose> LastByDepth(const Rigid3& off, const PoseEstimate& like, std::int64_t period_ns,
+                                   Mapper* mapper) {
   std::vector<DepthPose> poses;
   for (int k = 1; k <= 5; ++k) {
-    mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
-    if (k > 1) mapper.AddPose(PoseAt(100 * k * kMs));
-    mapper.AddDepth({100 * k * kMs, DepthSeen(k < 5 ? Rigid3() : off, 0.002, DepthScene::kRoom, k)});
-    mapper.Update();
-    poses = mapper.TakeDepthPoses();
+    const std::int64_t t_ns = k * period_ns;
+    mapper->AddSurface(SurfaceAt(t_ns, Edges(600, 16)));
+    PoseEstimate predicted = like;
+    predicted.t_ns = predicted.t_edges_ns = t_ns;
+    if (k > 1) mapper->AddPose(predicted);
+    mapper->AddDepth({t_ns, DepthSeen(k < 5 ? Rigid3() : off, 0.002, DepthScene::kRoom, k)});
+    mapper->Update();
+    poses = mapper->TakeDepthPoses();
   }
-  EXPECT_TRUE(mapper.TakeDepthPoses().empty()) << "each is given once";
+  EXPECT_TRUE(mapper->TakeDepthPoses().empty()) << "each is given once";
+  return poses;
+}
+
+std::vector<DepthPose> PosesByDepth(const OdometryOptions& options, const Rigid3& off) {
+  Mapper mapper(RoomRig(), options);
+  auto poses = LastByDepth(off, PoseAt(0), 100 * kMs, &mapper);
   EXPECT_EQ(mapper.counters().depth_aligned, options.mapping.align_depth ? 3U : 0U);
   return poses;
 }
@@ -601,25 +611,12 @@ TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
   EXPECT_TRUE(PosesByDepth(options, off).empty());
 }
 
-/// Whether the last of six depth images is confirmed, of which tracking, like this, is off by 17 mm.
+/// Whether a depth image is confirmed of which tracking, like this, is off by 17 mm.
 bool IsConfirmed(const PoseEstimate& like, std::int64_t period_ns, bool doubt_events = true) {
   OdometryOptions options;
   options.tracking.ideas.doubt_events = doubt_events;
   Mapper mapper(RoomRig(), options);
-  std::vector<DepthPose> poses;
-  for (int k = 1; k <= 6; ++k) {
-    const std::int64_t t_ns = k * period_ns;
-    mapper.AddSurface(SurfaceAt(t_ns, Edges(600, 16)));
-    if (k > 1) {
-      PoseEstimate pose = like;
-      pose.t_ns = pose.t_edges_ns = t_ns;
-      if (k == 6) pose.T_world_event = pose.T_world_event_edges = Rigid3::Translation({0.01, -0.01, 0.01});
-      mapper.AddPose(pose);
-    }
-    mapper.AddDepth({t_ns, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, k)});
-    mapper.Update();
-    poses = mapper.TakeDepthPoses();
-  }
+  const auto poses = LastByDepth(Rigid3::Translation({-0.01, 0.01, -0.01}), like, period_ns, &mapper);
   EXPECT_THAT(poses, SizeIs(1));
   return !poses.empty() && poses[0].confirmed;
 }

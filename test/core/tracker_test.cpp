@@ -39,11 +39,17 @@ Surface Seen(std::int64_t t_ns, const Rigid3& T_world_event) {
   return surface;
 }
 
-/// Too few events to see motion.
-Surface Still(std::int64_t t_ns, double activity_hz = 0.01) {
+/// Events of a camera in motion that make no edge.
+Surface Blank(std::int64_t t_ns) {
   Surface surface = Seen(t_ns, Rigid3());
   surface.edges.clear();
   surface.nearest_edge.setTo(Surface::kNoEdge);
+  return surface;
+}
+
+/// Too few events to see motion.
+Surface Still(std::int64_t t_ns, double activity_hz = 0.01) {
+  Surface surface = Blank(t_ns);
   surface.activity_hz = activity_hz;
   surface.still = surface.maybe_noise = true;
   return surface;
@@ -1322,20 +1328,15 @@ TEST(Tracker, KeepsItsVelocityWhereDepthImagesThatFindItAstrayLieFarApart) {
     depth.confirmed = true;
     tracker->AddDepthPose(depth);
   }
-  Surface blank = Seen(kNow_ns + 61 * kPeriod_ns, Rigid3());
-  blank.edges.clear();
-  blank.nearest_edge.setTo(Surface::kNoEdge);
-  tracker->Track(blank);
+  tracker->Track(Blank(kNow_ns + 61 * kPeriod_ns));
   EXPECT_GT((tracker->SurfaceVelocity() - other).norm(), 0.5 * (other - Twist()).norm());
 }
 
 /// A camera that stands while its events show another motion, 50 ms after the last of ten depth images that tell.
 PoseEstimate LedByFalseEvents(bool doubt_events, bool inertial) {
-  TrackingIdeas ideas;
-  ideas.doubt_events = doubt_events;
-  ideas.search = false;
   OdometryOptions options;
-  options.tracking.ideas = ideas;
+  options.tracking.ideas.doubt_events = doubt_events;
+  options.tracking.ideas.search = false;
   Tracker tracker(TestCamera(), options);
   tracker.SetMap(Map());
   std::optional<PoseEstimate> pose;

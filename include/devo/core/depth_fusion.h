@@ -55,8 +55,8 @@ class DepthFusion {
   bool AgreedWithin(double span_s, std::int64_t t_ns) const;
   /// The same of the last that agreed in the directions that it knows, be it not all.
   bool AgreedInPartWithin(double span_s, std::int64_t t_ns) const;
-  /// The last two images are near enough in time, at most `period_s` apart.
-  bool KnowsVelocity(double period_s = kMaxPeriod_s) const;
+  /// Whether the last two images are less than `period_s` apart in time.
+  bool KnowsVelocity(double period_s) const;
   const Vector6d& velocity_event() const { return velocity_; }           ///< from the last two; 0: it is not known
   std::int64_t velocity_since_ns() const { return velocity_since_ns_; }  ///< time of the first of the two
   /// By how much later than a depth image's stamp events show its moment.
@@ -68,7 +68,7 @@ class DepthFusion {
   void Reset() { *this = DepthFusion(); }
 
  private:
-  static constexpr double kUsualPeriod_s = 0.2, kMaxPeriod_s = 0.25;
+  static constexpr double kUsualPeriod_s = 0.2;
 
   void NoteVelocity(const DepthPose& depth);
   /// `since_s`: since the last image that agreed.

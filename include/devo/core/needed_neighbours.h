@@ -7,7 +7,10 @@
 
 namespace devo {
 
-/// Of an event's eight neighbours.
+/// Of a pixel.
+inline constexpr int kNeighbours = 8;
+
+/// Of an event's neighbours.
 struct NeededNeighbours {
   int count = 0;                ///< 0: every event passes
   std::uint32_t window_us = 0;  ///< how recently they must have fired

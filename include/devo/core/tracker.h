@@ -96,6 +96,8 @@ class Tracker {
   void NoteStart();
   /// The pose of then, of this covariance, is held against that by depth, where nothing else says how far off it is.
   void NoteMisfit(const DepthPose& depth, const Rigid3& T_world_then, const Matrix6d& covariance);
+  /// EventsMisfit::TimesAt this time; 1 where an inertial sensor leads.
+  double MisfitAt(std::int64_t t_ns) const;
   /// Moved to where depth has it, the pose went astray again until the last depth image: its velocity is
   /// false, and depth knows a better.
   bool GoesAstrayAgain() const;

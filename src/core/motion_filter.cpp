@@ -300,9 +300,15 @@ MotionFilter::Change MotionFilter::Propagate(double dt_s) {
   return F;
 }
 
+void MotionFilter::PropagateTo(std::int64_t t_ns) {
+  for (; t_ns - t_ns_ > kLongestStep_ns; t_ns_ += kStep_ns) Propagate(SecondsFromNs(kStep_ns));
+  Propagate(SecondsFromNs(t_ns - t_ns_));
+  t_ns_ = t_ns;
+}
+
 MotionFilter::Prediction MotionFilter::Predict(std::int64_t t_ns) const {
   MotionFilter ahead = *this;
-  ahead.Propagate(SecondsFromNs(t_ns - t_ns_));
+  ahead.PropagateTo(t_ns);
   return ahead.Now(ahead.state_.velocity);
 }
 
@@ -347,8 +353,7 @@ void MotionFilter::Update(std::int64_t t_ns, const Rigid3& T_world_event, const 
 
 void MotionFilter::Condition(std::int64_t t_ns, Shown shown, const Rigid3& T_world_measured,
                              const Matrix6d& information, double variance_scale) {
-  if (t_ns != t_ns_) Propagate(SecondsFromNs(t_ns - t_ns_));
-  t_ns_ = t_ns;
+  if (t_ns != t_ns_) PropagateTo(t_ns);
   const Matrix6d P_shown = CovarianceOf(shown);
   const Matrix6d I = Matrix6d::Identity();
   const Matrix6d P_shown_inverse = P_shown.ldlt().solve(I);
@@ -555,11 +560,12 @@ void MotionFilter::HoldStill(std::int64_t t_ns, const std::optional<InertialMean
 }
 
 void MotionFilter::GoOn(std::int64_t t_ns) {
-  if (t_ns > t_ns_) Propagate(SecondsFromNs(t_ns - t_ns_));
+  if (t_ns > t_ns_) PropagateTo(t_ns);
   t_ns_ = t_ns;
 }
 
 void MotionFilter::Coast(std::int64_t t_ns) {
+  while (t_ns - t_ns_ > kLongestStep_ns) Coast(t_ns_ + kStep_ns);
   const double dt_s = SecondsFromNs(t_ns - t_ns_);
   if (dt_s > 0) Propagate(dt_s);
   t_ns_ = t_ns;

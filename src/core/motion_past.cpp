@@ -31,9 +31,19 @@ std::optional<InertialMean> ReadSince(const MotionFilter& motion, std::int64_t t
 }
 
 bool AdvanceTo(std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion) {
-  const auto read = ReadSince(*motion, t_ns, inertial);
-  if (read) motion->Advance(t_ns, *read);
-  return read.has_value();
+  if (!ReadSince(*motion, t_ns, inertial)) return false;
+  MotionFilter ahead = *motion;
+  const auto advance = [&](std::int64_t until_ns) {
+    const auto read = ReadSince(ahead, until_ns, inertial);
+    if (read) ahead.Advance(until_ns, *read);
+    return read.has_value();
+  };
+  while (t_ns - ahead.time_ns() > MotionFilter::kLongestStep_ns) {
+    if (!advance(ahead.time_ns() + MotionFilter::kStep_ns)) return false;
+  }
+  if (!advance(t_ns)) return false;
+  *motion = ahead;
+  return true;
 }
 
 MotionFilter::Prediction PredictAt(const MotionFilter& motion, std::int64_t t_ns, const InertialBuffer& inertial) {

@@ -720,6 +720,25 @@ TEST(MotionFilter, CoastsOnAndSlowsDown) {
   EXPECT_GT(filter.pose_covariance().trace(), covariance.trace());
 }
 
+TEST(MotionFilter, GoesThroughAGapInOneCallAsInMany) {
+  MotionFilter speeding_up = Moving();
+  for (int k = 1; k <= 10; ++k) {
+    const std::int64_t t_ns = speeding_up.time_ns() + kPeriod_ns;
+    speeding_up.Update(t_ns, speeding_up.pose() * Exp((0.01 + 0.001 * k) * Twist()), 1e8 * Matrix6d::Identity());
+  }
+  for (const bool coasting : {true, false}) {
+    MotionFilter at_once = speeding_up, in_steps = speeding_up;
+    const auto go_to = [coasting](std::int64_t t_ns, MotionFilter* filter) {
+      coasting ? filter->Coast(t_ns) : filter->GoOn(t_ns);
+    };
+    const std::int64_t end_ns = speeding_up.time_ns() + 60 * kPeriod_ns;
+    go_to(end_ns, &at_once);
+    while (in_steps.time_ns() < end_ns) go_to(in_steps.time_ns() + kPeriod_ns, &in_steps);
+    EXPECT_EQ(at_once.time_ns(), end_ns);
+    EXPECT_LT(Log(in_steps.pose().inverse() * at_once.pose()).norm(), 5e-3) << coasting;
+  }
+}
+
 TEST(MotionFilter, StopsAndStaysFiniteWhenItCoastsForAMinute) {
   MotionFilter filter = Moving();
   for (int k = 0; k < 6000; ++k) filter.Coast(filter.time_ns() + kPeriod_ns);

@@ -185,6 +185,26 @@ TEST(MotionPast, LeadsOnFromWhereARestEnded) {
             0.01);
 }
 
+TEST(MotionPast, LeadsThroughAGapThatTheSensorReadInOneStepAsInMany) {
+  InertialBuffer inertial;
+  const Eigen::Vector3d turn(0, 0, 3), push(1, 0, 9.81);
+  for (std::int64_t t_ns = 0; t_ns <= 600'000'000; t_ns += 5'000'000) {
+    inertial.Add({t_ns, turn, push, Eigen::Vector3d::Zero()});
+  }
+  MotionFilter at_once{TrackingOptions()};
+  at_once.Start(0, Rigid3(), (Vector6d() << 0, 0, 0, turn).finished());
+  at_once.LearnGravity({0, 0, 9.81}, 1);
+  MotionFilter in_steps = at_once;
+  while (in_steps.time_ns() < 500'000'000) {
+    ASSERT_TRUE(AdvanceTo(in_steps.time_ns() + kPeriod_ns, inertial, &in_steps));
+  }
+  ASSERT_TRUE(AdvanceTo(500'000'000, inertial, &at_once));
+  EXPECT_LT(Log(in_steps.pose().inverse() * at_once.pose()).norm(), 0.01);
+  const MotionFilter before = at_once;
+  EXPECT_FALSE(AdvanceTo(900'000'000, inertial, &at_once));
+  ExpectAlike(at_once, before);
+}
+
 TEST(MotionPast, LeadsOnFromNoRestThatIsOverOrThatTheSensorDidNotRead) {
   Track over;
   over.Rest(Eigen::Vector3d::Zero());

@@ -103,7 +103,11 @@ class MotionFilter {
   /// corrections of the pose tell of them, too.
   void Widen(double times) { P_ *= times; }
 
-  /// Goes on to `t_ns` with what an inertial sensor read since the last update.
+  /// A gap longer than this is gone through in steps: within one of half a second an acceleration would neither fade
+  /// nor a force turn with the camera.
+  static constexpr std::int64_t kLongestStep_ns = 50'000'000, kStep_ns = 10'000'000;
+
+  /// Goes on to `t_ns` with what an inertial sensor read since the last update, at most kLongestStep_ns before.
   void Advance(std::int64_t t_ns, const InertialMean& inertial);
 
   /// The camera is known to stand still; what an inertial sensor reads then is its bias and gravity. `scatter`: of such
@@ -149,6 +153,8 @@ class MotionFilter {
   void LeaveRest();
   /// Returns the derivative of what changes by what it was.
   Change Propagate(double dt_s);
+  /// In steps so short that nothing changes much within one.
+  void PropagateTo(std::int64_t t_ns);
   /// What is not known of the motion in this time.
   void AddJerk(double dt_s);
   /// The same of the inertial sensor, and of gravity.

@@ -69,7 +69,7 @@ bool DepthFusion::SawMotionSince(std::int64_t t_ns) const {
 }
 
 bool DepthFusion::AgreedWithin(double span_s, std::int64_t t_ns) const {
-  return SecondsFromNs(t_ns - found_ns_) < span_s;
+  return found_ns_ != 0 && SecondsFromNs(t_ns - found_ns_) < span_s;
 }
 
 bool DepthFusion::AgreedInPartWithin(double span_s, std::int64_t t_ns) const {
@@ -85,7 +85,7 @@ Matrix6d DepthFusion::BoundAt(std::int64_t t_ns) const {
 double DepthFusion::VarianceScale(std::int64_t t_ns, bool guided) const {
   const double apart = std::pow(error_scale_.variance_scale(), kErrorExponent);
   if (guided) return kStatedGuided * apart * std::pow(std::min(1.0, kUsualPeriod_s / period_s_), kPeriodExponent);
-  const double since_s = std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s);
+  const double since_s = found_ns_ != 0 ? std::clamp(SecondsFromNs(t_ns - found_ns_), 0.0, kMaxSince_s) : kMaxSince_s;
   return kStatedAlone * apart * std::pow(1 + since_s / kAgrees_s, kGrowthAlone);
 }
 

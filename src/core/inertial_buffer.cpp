@@ -92,6 +92,7 @@ std::optional<InertialBuffer::Push> InertialBuffer::MeanPush(std::int64_t t_ns) 
     const auto before = sample + 1;
     const double dt_s = SecondsFromNs(sample->t_ns - before->t_ns);
     if (sample->t_ns > t_ns) continue;
+    if (push.span_s == 0 && t_ns - sample->t_ns > kMaxImuGap_ns) break;  // the sensor has fallen silent since
     if (dt_s > SecondsFromNs(kMaxImuGap_ns) || push.span_s > kPushSpan_s) break;
     const Eigen::Vector3d force = 0.5 * (sample->linear_acceleration + before->linear_acceleration);
     const Eigen::Vector3d turn = 0.5 * dt_s * (sample->angular_velocity + before->angular_velocity);

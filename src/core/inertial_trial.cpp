@@ -22,7 +22,8 @@ constexpr double kReadsTurns = 0.1;
 }  // namespace
 
 bool InertialTrial::Judge(const Moment& now, double times_its_errors, const InertialBuffer& readings) {
-  if (now.moves) moved_s_ += std::clamp(SecondsFromNs(now.t_ns - t_ns_), 0.0, kMaxStep_s);
+  // What was moved before the sensor came says nothing of it.
+  if (now.moves && times_its_errors > 0) moved_s_ += std::clamp(SecondsFromNs(now.t_ns - t_ns_), 0.0, kMaxStep_s);
   t_ns_ = now.t_ns;
   if (now.trusted) {
     Compare(now, readings);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/core/depth_delay.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 namespace devo {
@@ -42,6 +44,12 @@ TEST(DepthDelay, IsLessSureTheLongerNothingTellsOfIt) {
   const double before_s2 = delay.variance_s2();
   delay.Wander(100);
   EXPECT_NEAR(delay.variance_s2() - before_s2, 100 * kDelayWalk_s * kDelayWalk_s, 1e-12);
+}
+
+TEST(DepthDelay, IsNotLessAndLessSureWithoutEnd) {
+  DepthDelay delay;
+  for (int k = 0; k < 1800; ++k) delay.Wander(k / 30.0);  // a minute of images that contradict
+  EXPECT_LE(std::sqrt(delay.variance_s2()), 0.02 + 1e-9);
 }
 
 TEST(DepthDelay, StaysWithinFiftyMilliseconds) {

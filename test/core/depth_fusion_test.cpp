@@ -60,6 +60,12 @@ TEST(DepthFusion, TakesWhatDiffersMoreThanUsualForAnErrorOfDepthAsWellUnlessSome
   EXPECT_NEAR(share(unusual, false, true), 0.5, 0.01);
 }
 
+TEST(DepthFusion, HasNotAgreedAtTheBeginningOfTimeBeforeAnyImage) {
+  DepthFusion fusion;
+  EXPECT_FALSE(fusion.AgreedWithin(1, 10'000'000));
+  EXPECT_EQ(fusion.VarianceScale(10'000'000, false), fusion.VarianceScale(1'000'000'000'000, false));
+}
+
 TEST(DepthFusion, BelievesTheThirdInARowThatContradictsAlike) {
   for (const bool guided : {false, true}) {
     DepthFusion::Estimate estimate = EstimateAt(Rigid3());

@@ -92,6 +92,13 @@ TEST(InertialBuffer, TurnsThePushOfTheLastSecondIntoTheFrameOfItsEnd) {
   EXPECT_LT((push->force - force(2000)).norm(), 0.02);
 }
 
+TEST(InertialBuffer, HasNoPushOfASensorThatHasFallenSilent) {
+  InertialBuffer buffer;
+  for (int ms = 0; ms <= 1000; ms += 5) buffer.Add(At(ms * kMs, Vector3d::Zero()));
+  EXPECT_TRUE(buffer.MeanPush(1040 * kMs));
+  EXPECT_FALSE(buffer.MeanPush(30'000 * kMs));
+}
+
 TEST(InertialBuffer, HasNoMeanAcrossAGap) {
   InertialBuffer buffer;
   buffer.Add(At(0, {1, 0, 0}));

@@ -77,6 +77,13 @@ TEST(InertialTrial, DoesNotCountAStandstillAmongTheFirstSeconds) {
   EXPECT_FALSE(swing.used());
 }
 
+TEST(InertialTrial, DoesNotCountAMotionBeforeTheSensorWasReadAmongTheFirstSeconds) {
+  Swing swing(Nothing);
+  swing.Go(10, 0);
+  swing.Go(0.2, 4);
+  EXPECT_FALSE(swing.used());
+}
+
 TEST(InertialTrial, KnowsASensorThatReadsTheTurnsBeforeTheFirstSecondsAreOver) {
   Swing swing(AsItIs);
   swing.Go(1, 1);

@@ -5,6 +5,8 @@
 // itself been compared with the events; from then on it is known from that, whatever the inertial sensor's clock.
 #pragma once
 
+#include <algorithm>
+
 #include "devo/core/delay.h"
 
 namespace devo {
@@ -15,7 +17,10 @@ class DepthDelay {
   double Get(double event_delay_s) const { return own_s_ + event_share_ * event_delay_s; }
   double variance_s2() const { return variance_s2_; }
 
-  void Wander(double span_s) { variance_s2_ += kDelayWalk_s * kDelayWalk_s * span_s; }
+  /// Without end where no image agrees, it would hide every contradiction along the motion.
+  void Wander(double span_s) {
+    variance_s2_ = std::min(variance_s2_ + kDelayWalk_s * kDelayWalk_s * span_s, kMostSigma_s * kMostSigma_s);
+  }
 
   /// `full_step_s`: of a full update; `known`: the share of the variance that this would take away, 0..1.
   void Step(double full_step_s, double known, double event_delay_s) {
@@ -29,7 +34,7 @@ class DepthDelay {
   }
 
  private:
-  static constexpr double kStep = 0.3, kMax_s = 0.05;
+  static constexpr double kStep = 0.3, kMax_s = 0.05, kMostSigma_s = 2 * kDelaySigma_s;
 
   double own_s_ = 0, event_share_ = 1, variance_s2_ = kDelaySigma_s * kDelaySigma_s;
 };

@@ -98,8 +98,24 @@ void Tracker::SetMap(LocalMapPtr map) {
   relocalizer_.Remember(map);
   const bool begins = map_ && map->epoch == map_->epoch && (map->chapter != map_->chapter || map->found_by_depth);
   if (begins && !status_.lost()) return;
+  if (begins && !map->found_by_depth) NoteChapter(*map);
   map_ = std::move(map);
   if (begins) BeginAnew();
+}
+
+void Tracker::NoteChapter(const LocalMap& begun) {
+  // Where it lies is as unsure as the pose that it begins at, and that as the chapter before.
+  const Matrix6d before = CovarianceOfChapter(map_->chapter, begun.T_world_ref);
+  chapters_.emplace(begun.chapter, Chapter{begun.T_world_ref, motion_.pose_covariance() + before});
+}
+
+Matrix6d Tracker::CovarianceOfChapter(int chapter, const Rigid3& T_world_event) const {
+  if (chapter == 0) return Matrix6d::Zero();
+  const auto known = chapters_.find(chapter);
+  if (known == chapters_.end())
+    return Matrix6d::Identity();  // begun while tracking was found: at a guess, nothing more
+  const Matrix6d Ad_event_begin = Adjoint(T_world_event.inverse() * known->second.T_world_begin);
+  return Ad_event_begin * known->second.covariance * Ad_event_begin.transpose();
 }
 
 void Tracker::BeginAnew() {
@@ -184,10 +200,6 @@ void Tracker::Contradict(const DepthPose& depth, const Rigid3& T_world_now) {
 }
 
 void Tracker::NoteNewView() {
-  if (!map_->found_by_depth) {
-    chapter_covariance_.resize(static_cast<std::size_t>(map_->chapter) + 1, Matrix6d::Zero());
-    if (motion_.started()) chapter_covariance_.back() = motion_.pose_covariance();
-  }
   status_.NoteNewView(map_->t_ns);
   follow_ = true;
 }
@@ -212,6 +224,7 @@ void Tracker::NoteStart() {
   started_ns_ = motion_.time_ns();
   T_world_started_ = motion_.pose();
   rested_.clear();
+  T_world_by_depth_.reset();
   anew_ = true;
 }
 
@@ -237,7 +250,7 @@ void Tracker::Reset() {
   status_.Reset();
   residual_scale_ = ResidualScale();
   inertial_prior_ = follow_ = anew_ = false;
-  chapter_covariance_.clear();
+  chapters_.clear();
   rested_.clear();
   started_ns_ = 0;
   T_world_started_ = T_world_before_ = Rigid3();
@@ -365,8 +378,7 @@ void Tracker::ContinueToNow(PoseEstimate* pose) const {
   pose->velocity_of_poses = !inertial_prior_;
   if (inertial_prior_ && !held()) pose->acceleration_event = motion_.acceleration_event();
   pose->covariance_in_chapter = pose->covariance_event = StatedCovariance(now, pose->delays.event_s);
-  const auto chapter = static_cast<std::size_t>(map_->chapter);
-  if (chapter < chapter_covariance_.size()) pose->covariance_event += chapter_covariance_[chapter];
+  pose->covariance_event += CovarianceOfChapter(map_->chapter, pose->T_world_event);
 }
 
 double Tracker::DelayAgainstInertial() const { return std::max(0.0, motion_.state().delay_s); }
@@ -447,6 +459,7 @@ InertialFit Tracker::InertialFitNow() const {
 bool Tracker::IsLed() const { return inertial_prior_ || depth_fusion_.AgreedWithin(kDepthLeads_s, motion_.time_ns()); }
 
 void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
+  T_world_by_depth_.reset();
   motion_.HoldStill(t_ns, ReadSince(motion_, t_ns, inertial_));
   pose->inlier_share = 1;
   status_.NoteStandstill();
@@ -455,8 +468,12 @@ void Tracker::HoldStill(std::int64_t t_ns, PoseEstimate* pose) {
 void Tracker::Coast(std::int64_t t_ns) {
   if (!status_.doubtful()) T_world_before_ = motion_.pose();
   step_.kind = MotionPast::Kind::kCoasting;
+  T_world_by_depth_.reset();
   step_.inertial = AdvanceTo(t_ns, inertial_, &motion_);
-  if (!step_.inertial) motion_.Coast(t_ns);
+  if (!step_.inertial) {
+    motion_.Coast(t_ns);
+    inertial_prior_ = false;
+  }
   status_.NoteGuess();
   NoteMatch(0);
 }

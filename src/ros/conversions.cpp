@@ -106,7 +106,9 @@ nav_msgs::Odometry ToOdometryMsg(const PoseEstimate& estimate, const OdometryFra
   odometry.twist.twist.angular.x = velocity(3);
   odometry.twist.twist.angular.y = velocity(4);
   odometry.twist.twist.angular.z = velocity(5);
-  FillCovariance(2 / (velocity_window_s * velocity_window_s) * covariance_child, odometry.twist.covariance);
+  // By what a chapter is off, both poses that tell a velocity are off alike.
+  const Matrix6d in_chapter = Ad_child_event * estimate.covariance_in_chapter * Ad_child_event.transpose();
+  FillCovariance(2 / (velocity_window_s * velocity_window_s) * in_chapter, odometry.twist.covariance);
   return odometry;
 }
 

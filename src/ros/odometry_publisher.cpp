@@ -19,6 +19,7 @@ PoseEstimate WithHonestCovariance(PoseEstimate estimate) {
     estimate.covariance_event.setZero();
     estimate.covariance_event.diagonal() << Eigen::Vector3d::Constant(kLostVariance_m2),
         Eigen::Vector3d::Constant(kLostVariance_rad2);
+    estimate.covariance_in_chapter = estimate.covariance_event;
   }
   return estimate;
 }

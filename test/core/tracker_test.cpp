@@ -774,6 +774,26 @@ TEST(Tracker, SaysWhetherItsVelocityIsOfPosesAlone) {
   }
 }
 
+TEST(Tracker, SaysThatAGapOfEventsAndReadingsTogetherIsLedByNoSensor) {
+  for (const bool read : {true, false}) {
+    Tracker tracker(TestCamera(), OdometryOptions());
+    tracker.SetMap(Map());
+    std::optional<PoseEstimate> pose;
+    bool led = false;
+    for (int k = 1; k <= 70; ++k) {
+      const std::int64_t t_ns = k * kPeriod_ns;
+      if (k <= 60 || read) {
+        for (int i = -4; i <= 0; ++i) tracker.AddImu(ReadAlongX(t_ns + i * kPeriod_ns / 5, 0));
+      }
+      const Rigid3 T_world_event = Rigid3::Translation({0.3 * SecondsFromNs(t_ns), 0, 0});
+      pose = tracker.Track(k <= 60 ? Seen(t_ns, T_world_event) : Still(t_ns));
+      if (k <= 60) led |= !pose->velocity_of_poses;
+    }
+    EXPECT_TRUE(led);
+    EXPECT_EQ(pose->velocity_of_poses, !read);
+  }
+}
+
 TEST(Tracker, FollowsEdgesOfFewEventsLessAndIsLessCertainUnlessThatIsSwitchedOff) {
   // A camera at rest whose edges jump by 2 mm, about a pixel, for one surface.
   const auto after_jump = [](std::uint32_t events, bool weigh) {
@@ -978,6 +998,23 @@ TEST(Tracker, AsksForANewMapInAnUnknownViewAndGoesOnInItsChapterWithoutCertainty
   EXPECT_LT(Log(map->T_world_ref.inverse() * pose->T_world_event).norm(), 2e-3);
   EXPECT_GT(pose->covariance_event(0, 0), 0.01);  // where the chapter began was a guess
   EXPECT_LT(pose->covariance_in_chapter(0, 0), 1e-4);
+
+  // A next one is not known better, and what its begin lacks of a rotation makes it worse known from afar.
+  const Matrix6d of_first = pose->covariance_event;
+  for (int k = 0; k < 150; ++k) {
+    Surface nothing = Still(t_ns += kPeriod_ns, 5);
+    nothing.still = nothing.maybe_noise = false;
+    pose = tracker->Track(nothing);
+  }
+  ASSERT_TRUE(pose->needs_map);
+  auto next = std::make_shared<LocalMap>(*map);
+  next->chapter = 2;
+  next->t_ns = t_ns;
+  next->T_world_ref = pose->T_world_event;
+  tracker->SetMap(next);
+  for (int k = 0; k < 10; ++k) pose = tracker->Track(SeenElsewhere(t_ns += kPeriod_ns));
+  ASSERT_EQ(pose->chapter, 2);
+  EXPECT_GT(pose->covariance_event(0, 0), 1.5 * of_first(0, 0));
 }
 
 TEST(Tracker, BeginsAnewWhereDepthFoundItAndIsCertainOfThatOnceItIsLost) {

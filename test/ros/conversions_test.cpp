@@ -50,12 +50,17 @@ TEST(Conversions, OdometryOfABaseIsThatOfTheRigidlyMountedCamera) {
   estimate.T_world_event = SomePose();
   estimate.velocity_event << 0.1, -0.2, 0.3, 0.5, 0.6, -0.7;
   estimate.covariance_event = SomeCovariance();
+  estimate.covariance_in_chapter = 0.25 * SomeCovariance();
   const nav_msgs::Odometry odometry = ToOdometryMsg(estimate, frames, 0.08);
 
   const Rigid3 T_odom_child = FromPoseMsg(odometry.pose.pose);
   const Rigid3 expected = frames.T_odom_world * estimate.T_world_event * frames.T_event_child;
   EXPECT_LT(Log(T_odom_child.inverse() * expected).norm(), 1e-12);
 
+  // Both poses that tell the velocity are off by what is not known of their chapter.
+  const double of_pose = odometry.pose.covariance[21] + odometry.pose.covariance[28] + odometry.pose.covariance[35];
+  const double of_twist = odometry.twist.covariance[21] + odometry.twist.covariance[28] + odometry.twist.covariance[35];
+  EXPECT_NEAR(of_twist, 2 / (0.08 * 0.08) * 0.25 * of_pose, 1e-9 * of_twist);
   // Moving the camera for a moment moves the base by its twist.
   const double dt = 1e-6;
   const Rigid3 later = frames.OdomFromChild(estimate.T_world_event * Exp(dt * estimate.velocity_event));

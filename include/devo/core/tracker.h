@@ -4,6 +4,7 @@
 #pragma once
 
 #include <deque>
+#include <map>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -79,6 +80,11 @@ class Tracker {
   void StartInMotion(const Surface& surface);
   /// Starts at a map that does not go on from the poses before it.
   void BeginAnew();
+  /// A chapter begins where the pose of now is thought to be.
+  void NoteChapter(const LocalMap& begun);
+  /// What is not known of where a chapter lies in the world, as a covariance of a right perturbation of a pose in it:
+  /// the farther from its begin, the more an error of its rotation makes of it.
+  Matrix6d CovarianceOfChapter(int chapter, const Rigid3& T_world_event) const;
   /// Starts the filter at the first map with what the inertial sensor read since the camera last stood still. False
   /// where that is not known.
   bool BeginFromRest();
@@ -171,9 +177,13 @@ class Tracker {
   std::vector<PoseHistory::Stamped> rested_;  // where a rest before that began and ended
   std::deque<SurfacePtr> waiting_;            // surfaces of the last moment without a map that helps
   bool follow_ = false;                       // them through the map that has come
-  std::vector<Matrix6d> chapter_covariance_;  // of where each chapter began
-  bool inertial_prior_ = false;               // the last surface was predicted with an inertial sensor
-  Rigid3 T_world_before_;                     // last pose before tracking degraded
+  struct Chapter {
+    Rigid3 T_world_begin;
+    Matrix6d covariance;  // of a right perturbation of it
+  };
+  std::map<int, Chapter> chapters_;  // but for the first, which is the world's
+  bool inertial_prior_ = false;      // the last surface was predicted with an inertial sensor
+  Rigid3 T_world_before_;            // last pose before tracking degraded
 };
 
 }  // namespace devo

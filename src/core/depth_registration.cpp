@@ -23,7 +23,10 @@ constexpr int kMinReadings = 3;
 // A depth image four times as fine as the event image has about 110 within the least radius; with fewer the upper rows
 // of an edge's surroundings would speak for all of them.
 constexpr std::size_t kMaxReadings = 256;
-constexpr double kMinRadius_px = 1.5, kMaxRadius_px = 4;
+// Pixels of the event image per pixel of a depth image of which so many lie within the least radius. Of a finer one
+// not every row and column is listed.
+constexpr double kFinest = 0.17;
+constexpr double kMinRadius_px = 1.5, kMaxRadius_px = DepthRegistration::kUsualReach;
 // An image that holds few readings, far apart (a LiDAR's, projected), is looked at farther around an edge: so that this
 // many are expected there.
 constexpr double kExpectedReadings = 6;
@@ -223,8 +226,9 @@ void FillSquare(std::uint8_t* first, std::size_t step) {
 DepthRegistration::DepthRegistration(const Camera& event_camera, const Camera& depth_camera,
                                      const MappingOptions& options)
     : event_camera_(event_camera), options_(options), depth_rays_(2),
-      focal_ratio_(event_camera.fx() / depth_camera.fx()), wanted_(event_camera.height(), event_camera.width()),
-      first_(event_camera.height(), event_camera.width()),
+      focal_ratio_(event_camera.fx() / depth_camera.fx()),
+      list_every_(std::max(1, static_cast<int>(std::ceil(kFinest / focal_ratio_)))),
+      wanted_(event_camera.height(), event_camera.width()), first_(event_camera.height(), event_camera.width()),
       readings_(static_cast<std::size_t>(depth_camera.width()) * depth_camera.height()),
       cell_depth_((event_camera.height() + kCell - 1) / kCell, (event_camera.width() + kCell - 1) / kCell),
       row_z_(depth_camera.width()), row_u_(depth_camera.width()), row_v_(depth_camera.width()),
@@ -287,7 +291,7 @@ int DepthRegistration::Warp(const DepthImage& depth, const Rigid3& T_event_depth
         nearest = cells[cell] > 0 ? cells[cell] : Z;
       }
       nearest = std::min(nearest, Z);
-      if (!wanted[pixel]) continue;
+      if (!wanted[pixel] || y % list_every_ != 0 || x % list_every_ != 0) continue;
       readings_[count] = {row_u_[x] - 0.5F, row_v_[x] - 0.5F, Z, first[pixel]};
       first[pixel] = count++;
     }

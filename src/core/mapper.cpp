@@ -90,7 +90,7 @@ void Mapper::Reset() {
   last_match_ = Match();
   T_world_refined_ = T_world_observed_ = T_world_scene_ = Rigid3();
   way_m_ = read_share_ = 0;
-  observed_ns_ = extended_ns_ = 0;
+  observed_ns_ = extended_ns_ = first_surface_ns_ = 0;
 }
 
 void Mapper::SetOptions(const OdometryOptions& options) {
@@ -106,6 +106,7 @@ void Mapper::AddSurface(SurfacePtr surface) {
     Reset();
     epoch_ = surface->epoch;
   }
+  if (first_surface_ns_ == 0) first_surface_ns_ = surface->t_ns;
   surfaces_.push_back(std::move(surface));
   if (surfaces_.size() > kMaxSurfaces) ForgetASurface();
 }
@@ -129,6 +130,7 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   }
   for (const PoseHistory::Stamped& earlier : pose.earlier) poses_.Add(earlier.t_ns, earlier.T_world_event);
   poses_.Add(pose.t_edges_ns, pose.T_world_event_edges);
+  if (lost_ && !pose.earlier.empty()) ForgetDepthBeforeLoss();
   velocity_ = pose.velocity_event;
   velocity_of_poses_ = pose.velocity_of_poses;
   covariance_ = pose.covariance_in_chapter;
@@ -139,6 +141,14 @@ void Mapper::AddPose(const PoseEstimate& pose) {
   if (trackable_ && !map_.empty() && pose.chapter != map_.chapter()) map_.ReturnTo(pose.chapter);
   lost_ = pose.state == TrackingState::kLost;
   begin_chapter_ = pose.needs_map && pose.chapter == map_.chapter() && !map_.empty();
+}
+
+void Mapper::ForgetDepthBeforeLoss() {
+  constexpr double kSameStart_s = 0.02;
+  if (last_match_.surface && poses_.At(last_match_.surface->t_edges_ns, kSameStart_s)) return;
+  last_match_ = Match();
+  occluder_.reset();
+  lidar_.Clear();
 }
 
 void Mapper::AddDepth(const DepthImage& depth) {
@@ -170,6 +180,13 @@ SurfacePtr Mapper::SurfaceFor(std::int64_t t_ns) const {
   return best;
 }
 
+bool Mapper::IsOfItsTime(const Surface& surface, std::int64_t depth_ns) {
+  const double after_s = SecondsFromNs(surface.t_edges_ns - depth_ns);
+  if (std::abs(after_s) <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) return true;
+  if (depth_ns > first_surface_ns_) ++counters_.depth_too_late;
+  return false;
+}
+
 void Mapper::ForgetSurfacesBefore(const SurfacePtr& surface) {
   while (surfaces_.front() != surface) surfaces_.pop_front();
 }
@@ -191,9 +208,8 @@ Mapper::Change Mapper::UpdateFromDepth() {
     if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
     const auto move = AlignDepth(depth);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
-    const double apart_s = std::abs(SecondsFromNs(surface->t_edges_ns - depth.t_ns));
     bool added = false;
-    if (move && apart_s <= options_.surface.max_window_s + 1.0 / options_.surface.rate_hz) {
+    if (IsOfItsTime(*surface, depth.t_ns) && move) {
       if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
       const bool first = map_.empty();
       added = Process(depth, surface, *move, &counters_);
@@ -286,6 +302,9 @@ bool Mapper::UpdateFromSweeps() {
     const auto t_ns = map_.empty() || begin_chapter_ ? lidar_.TimeInView(sweep) : sweep.end_ns;
     const SurfacePtr surface = t_ns ? SurfaceFor(*t_ns) : nullptr;
     if (surface) ForgetSurfacesBefore(surface);
+    // With a map, poses tell how the sweep lies to another time.
+    const bool begins = map_.empty() || begin_chapter_;
+    if (surface && begins && !IsOfItsTime(*surface, *t_ns)) continue;
     const auto depth = surface ? DepthOf(sweep, *surface) : std::nullopt;
     if (depth) {
       changed |= Process(*depth, surface, Move(), &counters_);
@@ -386,6 +405,7 @@ bool Mapper::ObserveBetweenDepths() {
 
 bool Mapper::ExtendBetweenDepths(const Surface& surface, const Rigid3& T_world_event,
                                  const std::vector<ReferenceMap::Visible>& visible) {
+  if (!last_match_.surface) return false;
   DepthGuess guess(visible, camera_);
   const auto beside = EdgesBesideTheMap(surface, guess);
   const bool scene_moved = SceneMoved(T_world_event);
@@ -454,7 +474,7 @@ bool Mapper::GuessBesideTheMap(const Surface& surface, const Rigid3& T_world_eve
                                const std::vector<const EdgePoint*>& beside, DepthGuess* guess) {
   std::vector<MapPoint> points;
   for (const EdgePoint* edge : beside) {
-    if (registration_.HasReadingAt(edge->x, edge->y)) continue;
+    if (registration_.IsReadAt(edge->x, edge->y)) continue;
     const float z_m = guess->At(edge->x, edge->y);
     if (z_m > 0) points.push_back(MakePoint(*edge, z_m, surface.window_s));
   }

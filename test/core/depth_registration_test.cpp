@@ -135,17 +135,17 @@ TEST(DepthRegistration, GivesTheForegroundAtAStepAndCallsItASilhouette) {
 
 TEST(DepthRegistration, GivesTheForegroundAtAStepOnEitherSideOfManyReadings) {
   // Five readings for each pixel of the event image, along both axes.
-  const Camera fine(800, 600, 600, 600, 399.5, 299.5, "", {});
-  for (const bool foreground_below : {true, false}) {
+  for (const auto& [times, foreground_below] : {std::pair{5, true}, {5, false}, {12, true}, {12, false}}) {
+    const Camera fine(160 * times, 120 * times, 120 * times, 120 * times, 80 * times - 0.5, 60 * times - 0.5, "", {});
     cv::Mat1f depth_m(fine.height(), fine.width(), 2.0F);
-    const int step = 300;
+    const int step = 60 * times;
     depth_m.rowRange(foreground_below ? step : 0, foreground_below ? fine.height() : step).setTo(1.0F);
     DepthRegistration registration(EventCamera(), fine, MappingOptions());
     const float y = 59.4F + (foreground_below ? -0.5F : 0.5F);  // beside the step, over the background
     registration.Warp({0, depth_m}, Rigid3(), {{80, y}});
     const auto depth = registration.DepthAt(80, y);
-    ASSERT_TRUE(depth) << foreground_below;
-    EXPECT_NEAR(depth->z_m, 1, 1e-3) << foreground_below;
+    ASSERT_TRUE(depth) << times << foreground_below;
+    EXPECT_NEAR(depth->z_m, 1, 1e-3) << times << foreground_below;
   }
 }
 

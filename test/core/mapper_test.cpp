@@ -448,6 +448,18 @@ TEST(Mapper, DropsADepthImageThatHasNoSurfaceNearby) {
   mapper.AddSurface(SurfaceAt(500 * kMs, Edges(400, 16)));
   EXPECT_FALSE(mapper.Update());
   EXPECT_EQ(mapper.counters().depth_used, 0U);
+  EXPECT_EQ(mapper.counters().depth_too_late, 0U) << "it is of before the first surface";
+}
+
+TEST(Mapper, CountsDepthThatComesWhenSurfacesOfItsTimeAreKeptNoLonger) {
+  Mapper mapper(TestRig(), OdometryOptions());
+  for (int k = 0; k <= 100; ++k) mapper.AddSurface(SurfaceAt((100 + 10 * k) * kMs, Edges(400, 16)));
+  mapper.AddDepth(Wall(500 * kMs));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_too_late, 1U);
+  mapper.AddDepth(Wall(1000 * kMs));
+  EXPECT_TRUE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_too_late, 1U);
 }
 
 TEST(Mapper, IsNotHeldUpByADepthImageThatIsStampedFarAhead) {
@@ -504,6 +516,26 @@ TEST(Mapper, HidesAndMeasuresNothingByADepthImageThatCameWhileTrackingWasLost) {
   ASSERT_TRUE(map);
   EXPECT_GT(map->points.size(), 300U);
   for (const MapPoint& point : map->points) EXPECT_NEAR(point.p_ref.z(), 2, 1e-2);
+}
+
+TEST(Mapper, HidesAndMeasuresNothingByADepthImageOfBeforeALossThatEventsEnded) {
+  Mapper mapper = WithFirstReference();
+  // At a pose that had gone astray, a surface met this image.
+  mapper.AddSurface(SurfaceAt(200 * kMs, Edges(400, 16)));
+  mapper.AddPose(PoseAt(200 * kMs, Rigid3::Translation({0, 0, 0.9})));
+  mapper.AddDepth(Wall(200 * kMs, 0.5F));
+  mapper.Update();
+  mapper.AddSurface(SurfaceAt(210 * kMs, Edges(400, 16)));
+  mapper.AddPose(LostAt(210 * kMs, Rigid3::Translation({0, 0, 0.9})));
+  mapper.Update();
+  PoseEstimate found = PoseAt(300 * kMs);
+  found.earlier = {{290 * kMs, Rigid3()}};
+  mapper.AddSurface(SurfaceAt(300 * kMs, EdgesOnBothSides()));
+  mapper.AddPose(found);
+  const auto map = mapper.Update();
+  ASSERT_TRUE(map);
+  for (const MapPoint& point : mapper.GlobalMap()) EXPECT_GT(point.p_ref.z(), 1.3);
+  EXPECT_FALSE(mapper.last_match().surface);
 }
 
 TEST(Mapper, WithoutReuseStaysInTheChapterThatItBegan) {
@@ -776,6 +808,17 @@ TEST(Mapper, BeginsWithOneSweepOfALidarAndTheSurfaceOfTheTimeInWhichItPassedTheV
   for (const MapPoint& point : map->points) EXPECT_NEAR(point.p_ref.z(), 2, 2e-3);
   EXPECT_EQ(mapper.scene_depth().median_m, mapper.lidar_depth().depth_m(60, 80));
   EXPECT_EQ(mapper.counters().depth_used, 1U);
+}
+
+TEST(Mapper, BeginsWithNoSweepWhoseSurfacesAreKeptNoLonger) {
+  Mapper mapper(LidarRig(), OdometryOptions());
+  for (int k = 0; k <= 100; ++k) mapper.AddSurface(SurfaceAt((100 + 10 * k) * kMs, Edges(600, 16)));
+  mapper.AddSweep(WallSweep(600 * kMs));
+  EXPECT_FALSE(mapper.Update());
+  EXPECT_EQ(mapper.counters().depth_too_late, 1U);
+  EXPECT_EQ(mapper.counters().depth_without_valid_pixel, 0U);
+  mapper.AddSweep(WallSweep(1050 * kMs));
+  EXPECT_TRUE(mapper.Update());
 }
 
 TEST(Mapper, UsesTheNewestSurfaceForASweepOnceThereArePoses) {

@@ -28,6 +28,7 @@ struct MappingCounters {
   std::uint64_t depth_jumps = 0;          ///< how often the depth camera began to see otherwise than before
   std::uint64_t depth_repeated = 0;       ///< images that had come before, with another stamp
   std::uint64_t depth_without_valid_pixel = 0;
+  std::uint64_t depth_too_late = 0;  ///< images and sweeps that came when surfaces of their time were kept no longer
   std::uint64_t references = 0;
 };
 

@@ -56,10 +56,14 @@ class DepthRegistration {
   /// Nearest warped depth per cell of kCell x kCell pixels, 0 where none: what hides points behind it.
   const cv::Mat1f& nearest_depth() const { return cell_depth_; }
   static constexpr int kCell = 4;
+  static constexpr int kUsualReach = 4;  ///< px, around an edge; farther where the image's readings lie far apart
   /// Whether a reading of the last warped image lies in the cell of this pixel of the event image.
   bool HasReadingAt(float x, float y) const {
     return cell_depth_(static_cast<int>(y) / kCell, static_cast<int>(x) / kCell) > 0;
   }
+  /// The same of a position that was among the warped edges, where an image whose readings lie farther apart than cells
+  /// may tell a depth all the same.
+  bool IsReadAt(float x, float y) const { return HasReadingAt(x, y) || (IsSparse() && DepthAt(x, y)); }
 
  private:
   struct Reading {
@@ -69,6 +73,7 @@ class DepthRegistration {
 
   /// Of the neighbourhood of an edge, by how densely the image holds readings.
   float RadiusFor(const cv::Mat1f& depth_m) const;
+  bool IsSparse() const { return radius_px_ > kUsualReach; }
   void MarkNeighbourhoods(const std::vector<EdgePoint>& edges);
   /// Calls `visit(dx, dy, z)` for the listed readings of an edge's neighbourhood, until it returns false.
   template <typename Visit>
@@ -80,6 +85,7 @@ class DepthRegistration {
   MappingOptions options_;
   std::vector<cv::Mat> depth_rays_;  // x and y of the rays (x, y, 1), one image each
   double focal_ratio_;               // pixels of the event image per pixel of the depth image
+  int list_every_;                   // row and column of a depth image
   float radius_px_ = 0;              // of the neighbourhood, for the last image
   cv::Mat1b wanted_;                 // pixels whose readings are listed
   cv::Mat1i first_;                  // head of each pixel's list, -1 empty

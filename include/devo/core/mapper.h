@@ -76,7 +76,13 @@ class Mapper {
   const MappingCounters& counters() const { return counters_; }
 
  private:
+  /// Poses begin anew where events found a lost camera: where the last depth image lies to them is not known, as those
+  /// that it met had gone astray, or were of a chapter that began at a guess. An image that tracking begins with stays.
+  void ForgetDepthBeforeLoss();
   SurfacePtr SurfaceFor(std::int64_t t_ns) const;
+  /// Whether they lie so near each other in time that edges and depth are of one view. Counts depth that has come so
+  /// late that surfaces of its time, of which there were some, are kept no longer.
+  bool IsOfItsTime(const Surface& surface, std::int64_t depth_ns);
   void ForgetASurface();
   /// Depth comes in the order of its time: what comes after this surface's is nearer to none before it. Surfaces are
   /// large, and their memory is better used while it is still in a near cache.
@@ -178,6 +184,7 @@ class Mapper {
   Rigid3 T_world_refined_;                          // view that refined the map last
   Rigid3 T_world_observed_;                         // view of the last surface in which the map was observed
   std::int64_t observed_ns_ = 0;                    // its time
+  std::int64_t first_surface_ns_ = 0;               // time of the first surface of the epoch
   std::int64_t extended_ns_ = 0;                    // time of the last one by which the map might grow
   bool options_changed_ = false;                    // since the last local map
   int local_maps_ = 0;

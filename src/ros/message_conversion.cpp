@@ -153,6 +153,9 @@ void EventPacketConverter::Append(const View& packet, std::vector<Event>* events
   if (!decoder_ || restarted) {
     decoder_.emplace(packet.encoding);
     offset_ns_.reset();
+  } else if (packet.seq > last_seq_ + 1) {
+    decoder_->NoteLoss();
+    after_loss_ = true;
   }
   last_seq_ = packet.seq;
   const std::size_t begin = events->size();
@@ -161,12 +164,13 @@ void EventPacketConverter::Append(const View& packet, std::vector<Event>* events
   const std::int64_t stamp_ns = FromRosTime(packet.stamp), wrap_ns = decoder_->wrap_ns();
   if (!offset_ns_) {
     offset_ns_ = stamp_ns - (*events)[begin].t_ns;
-  } else if (stamp_ns - last_stamp_ns_ > wrap_ns / 4) {
+  } else if (after_loss_ || stamp_ns - last_stamp_ns_ > wrap_ns / 4) {
     // The decoder sees one wrap at most, and that only in a gap of less than half the counter's range.
     const auto late_ns = static_cast<double>(stamp_ns - (*events)[begin].t_ns - *offset_ns_);
     *offset_ns_ += wrap_ns * std::llround(late_ns / static_cast<double>(wrap_ns));
   }
   last_stamp_ns_ = stamp_ns;
+  after_loss_ = false;
   std::for_each(events->begin() + static_cast<std::ptrdiff_t>(begin), events->end(),
                 [&](Event& event) { event.t_ns += *offset_ns_; });
 }
@@ -233,9 +237,10 @@ ImuSample ToImuSample(const sensor_msgs::Imu& message, const Rigid3& T_event_imu
   const auto& a = message.linear_acceleration;
   sample.angular_velocity = T_event_imu.rotation() * Eigen::Vector3d(w.x, w.y, w.z);
   sample.linear_acceleration = T_event_imu.rotation() * Eigen::Vector3d(a.x, a.y, a.z);
-  if (message.linear_acceleration_covariance[0] == -1) {
-    sample.linear_acceleration.setConstant(std::numeric_limits<double>::quiet_NaN());
-  }
+  // sensor_msgs/Imu: what it does not measure.
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  if (message.linear_acceleration_covariance[0] == -1) sample.linear_acceleration.setConstant(kNone);
+  if (message.angular_velocity_covariance[0] == -1) sample.angular_velocity.setConstant(kNone);
   sample.p_event_imu = T_event_imu.translation();
   return sample;
 }

@@ -256,7 +256,7 @@ void TimeSurfaceNode::TakeMessages() {
     Batch batch;
     batch.arrival = message->arrival;
     batch.queued_as = message->num_events;
-    batch.after_loss = message->after_loss;
+    lost_ |= message->after_loss;
     resumed_ |= message->after_pause;
     batch.events = std::exchange(spare_, {});
     batch.events.clear();
@@ -296,6 +296,7 @@ void TimeSurfaceNode::Accept(Batch batch) {
   CountDropped(DropStrayEvents(reset_after_gap_s_, &batch.events));
   const std::int64_t first_ns = batch.events.front().t_ns, last_ns = batch.events.back().t_ns;
   batch.after_pause = std::exchange(resumed_, false);
+  batch.after_loss = std::exchange(lost_, false);
   if (newest_event_ns_ != 0) {
     // The whole message must be older: single events that are, the builder leaves out.
     const double ahead_s = SecondsFromNs(last_ns - newest_event_ns_);
@@ -437,6 +438,8 @@ void TimeSurfaceNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& st
     // its summary stays
   } else if (paused_) {
     status.summary(DiagnosticStatus::WARN, "paused");
+  } else if (input_->IsSilent()) {
+    status.summary(DiagnosticStatus::WARN, "no data");
   } else if (surfaces_ == 0) {
     status.summary(DiagnosticStatus::WARN, "no surface yet");
   } else {

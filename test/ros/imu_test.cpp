@@ -52,6 +52,12 @@ TEST(Imu, AMessageWithoutAnAccelerometerGivesNoAcceleration) {
   EXPECT_TRUE(ToImuSample(message, Rigid3()).linear_acceleration.array().isNaN().all());
 }
 
+TEST(Imu, AMessageWithoutAGyroscopeIsNoReading) {
+  sensor_msgs::Imu message = Turning();
+  message.angular_velocity_covariance[0] = -1;
+  EXPECT_FALSE(IsReading(ToImuSample(message, Rigid3())));
+}
+
 TEST(Imu, ASampleInTheEventFrameOrOfNoFrameStaysAsItIs) {
   const tf2::BufferCore nothing;
   for (const char* frame : {"", "event", "/event"}) {

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -121,6 +122,32 @@ TEST(EventPackets, GoOnInTimeAfterAGapInWhichTheSensorsCounterWrapped) {
       converter.Append(packet, &events);
     }
     ASSERT_EQ(events.size(), 2U);
+    EXPECT_NEAR(1e-9 * static_cast<double>(events[1].t_ns - events[0].t_ns), gap_s, 1e-5);
+  }
+}
+
+TEST(EventPackets, HaveNoEventOfATimeBeforePacketsThatAreMissing) {
+  constexpr std::int64_t kWrap_us = 1 << 24;
+  for (const double gap_s : {0.5, 9.0, 10.0, 12.0, 26.0}) {
+    EventPacketConverter converter;
+    std::vector<Event> events;
+    std::uint64_t seq = 1;
+    for (const double t_s : {15.0, 15.0 + gap_s}) {
+      const std::int64_t sensor_us = std::llround(1e6 * t_s) % kWrap_us;
+      EventPacket packet;
+      packet.encoding = "evt3";
+      packet.seq = std::exchange(seq, seq + 100);
+      packet.header.stamp = ros::Time(1000 + t_s + 0.003);
+      // Begins with an event whose time was in a packet before.
+      for (const std::int64_t word :
+           {std::int64_t{5}, std::int64_t{0x2007}, std::int64_t{0x8000} | sensor_us >> 12,
+            std::int64_t{0x6000} | (sensor_us & 0xFFF), std::int64_t{5}, std::int64_t{0x2007}}) {
+        packet.events.push_back(static_cast<std::uint8_t>(word));
+        packet.events.push_back(static_cast<std::uint8_t>(word >> 8));
+      }
+      converter.Append(packet, &events);
+    }
+    ASSERT_EQ(events.size(), 2U) << gap_s;
     EXPECT_NEAR(1e-9 * static_cast<double>(events[1].t_ns - events[0].t_ns), gap_s, 1e-5);
   }
 }

@@ -23,11 +23,15 @@ class EvtDecoder {
   /// are skipped, as are kinds of words that carry no event; bytes of an incomplete last word are dropped.
   void Decode(const std::uint8_t* bytes, std::size_t size, std::vector<Event>* events);
 
+  /// Words are missing before the next ones: events are skipped again up to the next complete time and row. How often
+  /// the counter has wrapped meanwhile is not known.
+  void NoteLoss() { has_time_high_ = has_time_ = has_row_ = false; }
+
   const std::string& encoding() const { return encoding_; }
   /// The sensor's counter begins anew after so long: what wraps in longer gaps between words, they do not tell.
   std::int64_t wrap_ns() const;
   std::uint64_t triggers() const { return triggers_; }            ///< external trigger words so far
-  std::uint64_t skipped_words() const { return skipped_words_; }  ///< words with events before the first time or row
+  std::uint64_t skipped_words() const { return skipped_words_; }  ///< words with events before a time or row is known
 
  private:
   void DecodeEvt3(std::uint16_t word, std::vector<Event>* events);

@@ -61,7 +61,8 @@ EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::s
 /// Decodes a stream of EventPackets. The sensor's clock is put on the host's by one constant offset, from the first
 /// packet with events: its header.stamp (arrival of its first bytes) minus its first event's time. A sensor that is
 /// restarted (encoding or size changes, sequence number falls) is put on the host's clock anew. Wraps of the sensor's
-/// counter in a gap between packets are known from their stamps.
+/// counter in a gap between packets are known from their stamps; where packets are missing, events before the next
+/// complete time and row are skipped.
 class EventPacketConverter {
  public:
   /// `Packet`: EventPacket of this package or another's of the same layout. Throws std::runtime_error naming an
@@ -87,6 +88,7 @@ class EventPacketConverter {
   void Append(const View& packet, std::vector<Event>* events);
 
   std::optional<EvtDecoder> decoder_;
+  bool after_loss_ = false;  // packets were missing, and no event has come since
   std::optional<std::int64_t> offset_ns_;
   std::uint64_t last_seq_ = 0;
   std::int64_t last_stamp_ns_ = 0;  // of a packet with events
@@ -104,9 +106,10 @@ DepthImage ToDepthImage(const sensor_msgs::Image& message, double scale = 1, std
 ///   `timestamp` (float64): the time itself in seconds (hesai, robosense) or, when larger than 1e12, nanoseconds
 ///   (livox);
 /// else all are measured at header.stamp, or, where `turn_s` is given, on a turn of that duration that ends at
-/// header.stamp, their azimuth from the first to the last point telling when (velodyne_pointcloud before 1.6). Throws
-/// std::runtime_error naming the field that is missing or of another type, a cloud that holds less than it says, or
-/// big-endian data.
+/// header.stamp, their azimuth telling when: from the first point to the last where they come firing by firing
+/// (velodyne_pointcloud before 1.6), along each ring where they come ring by ring (organised, or sorted by ring).
+/// Throws std::runtime_error naming the field that is missing or of another type, a cloud that holds less than it
+/// says, or big-endian data.
 LidarSweep ToLidarSweep(const sensor_msgs::PointCloud2& message, double turn_s = 0, std::int64_t time_offset_ns = 0);
 
 /// The camera of the image that is published: binning and region of interest are applied. Throws std::invalid_argument

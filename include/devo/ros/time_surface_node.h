@@ -121,6 +121,7 @@ class TimeSurfaceNode {
   boost::shared_ptr<const PoseEstimate> last_pose_;
   std::int64_t newest_event_ns_ = 0;
   bool resumed_ = false;              // the next events follow on a pause
+  bool lost_ = false;                 // before them some were dropped
   std::int64_t inserted_ns_ = 0;      // time of the last inserted event
   std::int64_t next_tick_ns_ = 0;     // 0: not set
   std::int64_t last_surface_ns_ = 0;  // 0: none in this epoch

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
@@ -100,7 +101,8 @@ struct BagFile::Record {
   std::uint64_t data_size = 0;
 };
 
-BagFile::BagFile(const std::string& path) : path_(path), file_(path, std::ios::binary) {
+BagFile::BagFile(const std::string& path, std::shared_ptr<ChunkCache> cache)
+    : path_(path), file_(path, std::ios::binary), cache_(std::move(cache)) {
   if (!file_) throw std::runtime_error("bag '" + path + "': cannot be opened, expected a ROS bag");
   file_.seekg(0, std::ios::end);
   const std::streamoff size = file_.tellg();
@@ -143,6 +145,13 @@ void BagFile::Scan() {
   bool has_index = false;
   while (position < file_size_) {
     const bool readable = ReadRecord(position, &record);
+    if (!readable) {
+      if (const auto next = FindChunkAfter(position)) {
+        AddDefect("is damaged at byte " + std::to_string(position) + " (what is readable is used)");
+        position = *next;
+        continue;
+      }
+    }
     const std::uint64_t end = readable ? record.data_position + record.data_size : file_size_ + 1;
     const std::uint8_t op = readable ? record.fields.op() : 0;
     if (op == kBagHeader)
@@ -158,6 +167,32 @@ void BagFile::Scan() {
     position = end;
   }
   if (!has_index) AddDefect("was not closed by its recorder; expected a whole bag (what is readable is used)");
+}
+
+std::optional<std::uint64_t> BagFile::FindChunkAfter(std::uint64_t position) {
+  // A chunk's header holds this field; the record begins somewhere in the bytes before it.
+  const std::string field("\x04\0\0\0op=\x05", 8);
+  constexpr std::size_t kStep = std::size_t{1} << 20, kLongestHeader = 128;
+  std::vector<char> bytes(kStep + kLongestHeader);
+  for (std::uint64_t from = position + 1; from < file_size_; from += kStep) {
+    file_.clear();
+    file_.seekg(static_cast<std::streamoff>(from));
+    file_.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    const auto end = bytes.begin() + file_.gcount();
+    for (auto at = bytes.begin();; ++at) {
+      at = std::search(at, end, field.begin(), field.end());
+      if (at == end) break;
+      const std::uint64_t found = from + static_cast<std::uint64_t>(at - bytes.begin());
+      for (std::uint64_t begin = found - std::min<std::uint64_t>(found, kLongestHeader); begin <= found; ++begin) {
+        Record record;
+        if (begin > position && ReadRecord(begin, &record) && record.fields.op() == kChunk &&
+            record.fields.Has("compression", 1)) {
+          return begin;
+        }
+      }
+    }
+  }
+  return std::nullopt;
 }
 
 void BagFile::AddChunk(const Record& record) {
@@ -202,55 +237,60 @@ void BagFile::AddConnection(const Record& record) {
                                                 description.Text("md5sum")};
 }
 
-std::vector<std::uint8_t> BagFile::MakeRoom(std::size_t bytes) {
+const std::vector<std::uint8_t>* ChunkCache::Find(const void* bag, std::uint32_t chunk) {
+  for (Entry& entry : entries_) {
+    if (entry.bag != bag || entry.chunk != chunk) continue;
+    entry.last_use = ++uses_;
+    return &entry.data;
+  }
+  return nullptr;
+}
+
+std::vector<std::uint8_t> ChunkCache::MakeRoom(std::size_t bytes) {
   std::vector<std::uint8_t> left;
-  for (const CachedChunk& cached : cache_) bytes += cached.data.size();
-  while (cache_.size() >= kMinCachedChunks && bytes > kCacheBytes) {
-    const auto oldest = std::min_element(cache_.begin(), cache_.end(), [](const CachedChunk& a, const CachedChunk& b) {
-      return a.last_use < b.last_use;
-    });
+  for (const Entry& entry : entries_) bytes += entry.data.size();
+  while (entries_.size() >= kMinCachedChunks && bytes > kCacheBytes) {
+    const auto oldest = std::min_element(entries_.begin(), entries_.end(),
+                                         [](const Entry& a, const Entry& b) { return a.last_use < b.last_use; });
     bytes -= oldest->data.size();
     left = std::move(oldest->data);
-    cache_.erase(oldest);
+    entries_.erase(oldest);
   }
   return left;
 }
 
-const std::vector<std::uint8_t>* BagFile::LoadChunk(std::uint32_t index) {
-  for (CachedChunk& cached : cache_) {
-    if (cached.chunk != index) continue;
-    cached.last_use = ++uses_;
-    return &cached.data;
-  }
+const std::vector<std::uint8_t>& ChunkCache::Add(const void* bag, std::uint32_t chunk, std::vector<std::uint8_t> data) {
+  entries_.push_back({bag, chunk, ++uses_, std::move(data)});
+  return entries_.back().data;
+}
+
+const std::vector<std::uint8_t>& BagFile::LoadChunk(std::uint32_t index) {
+  if (const auto* cached = cache_->Find(this, index)) return *cached;
   const Chunk& chunk = chunks_.at(index);
-  CachedChunk cached;
-  cached.chunk = index;
-  cached.last_use = ++uses_;
-  cached.data = MakeRoom(chunk.size);
+  std::vector<std::uint8_t> data = cache_->MakeRoom(chunk.size);
   const bool compressed = chunk.compression != "none";
-  std::vector<std::uint8_t>& stored = compressed ? stored_ : cached.data;
+  std::vector<std::uint8_t>& stored = compressed ? cache_->stored() : data;
   stored.resize(chunk.stored_size);
   file_.clear();
   file_.seekg(static_cast<std::streamoff>(chunk.position));
   bool good = static_cast<bool>(
       file_.read(reinterpret_cast<char*>(stored.data()), static_cast<std::streamsize>(stored.size())));
   if (compressed) {
-    cached.data.resize(chunk.size);
-    good = good && Decompress(chunk.compression, &stored, &cached.data);
+    data.resize(chunk.size);
+    good = good && Decompress(chunk.compression, &stored, &data);
   }
   if (!good) {
     AddDefect("a chunk of compression '" + chunk.compression + "' at byte " + std::to_string(chunk.position) +
               " is damaged, expected none, lz4 or bz2 (what is readable is used)");
-    cached.data.clear();
+    data.clear();
   }
-  cache_.push_back(std::move(cached));
-  return &cache_.back().data;
+  return cache_->Add(this, index, std::move(data));
 }
 
 /// Calls `visit(fields, data, size, offset)` for every whole record of a chunk.
 template <typename Visit>
 void BagFile::VisitChunk(std::uint32_t index, Visit&& visit) {
-  const std::vector<std::uint8_t>& data = *LoadChunk(index);
+  const std::vector<std::uint8_t>& data = LoadChunk(index);
   Fields fields;
   for (std::size_t offset = 0; offset + 8 <= data.size();) {
     const std::size_t header_size = Number<std::uint32_t>(data.data() + offset);
@@ -309,7 +349,7 @@ void BagFile::MapEntriesToTopics() {
 }
 
 ByteSpan BagFile::Read(const BagEntry& entry) {
-  const std::vector<std::uint8_t>& data = *LoadChunk(entry.chunk);
+  const std::vector<std::uint8_t>& data = LoadChunk(entry.chunk);
   const std::size_t offset = entry.offset;
   if (offset + 8 > data.size()) return {};
   const std::size_t header_size = Number<std::uint32_t>(data.data() + offset);
@@ -322,8 +362,9 @@ ByteSpan BagFile::Read(const BagEntry& entry) {
 
 std::vector<std::unique_ptr<BagFile>> OpenBags(const std::vector<std::string>& paths) {
   std::vector<std::unique_ptr<BagFile>> bags;
+  const auto cache = std::make_shared<ChunkCache>();
   for (auto path = paths.begin(); path != paths.end(); ++path) {
-    bags.push_back(std::make_unique<BagFile>(*path));
+    bags.push_back(std::make_unique<BagFile>(*path, cache));
     const auto same = std::find_if(
         paths.begin(), path, [&](const std::string& earlier) { return std::filesystem::equivalent(earlier, *path); });
     if (same != path) throw std::runtime_error("bag '" + *path + "': given twice, expected each bag once");

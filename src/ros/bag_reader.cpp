@@ -43,8 +43,6 @@ StampedPose PoseFrom(const std::string& md5, const ByteSpan& bytes) {
   return {FromRosTime(m.header.stamp), FromTransformMsg(m.transform)};
 }
 
-enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
-
 /// As the nodelets do, where one event lies far from the others; the order within a message is left as it is.
 std::size_t DropStray(std::vector<Event>* events) {
   const auto ends = std::minmax_element(events->begin(), events->end(), IsEarlier);
@@ -53,14 +51,9 @@ std::size_t DropStray(std::vector<Event>* events) {
   return DropStrayEvents(kRecordingGap_s, events);
 }
 
-void CountUnordered(Role role, LeftOut* left_out) {
-  if (role == Role::kDepth || role == Role::kPoints) ++left_out->depth_unordered;
-  if (role == Role::kImu) ++left_out->imu_unordered;
-}
-
 }  // namespace
 
-/// One topic of one bag.
+/// One topic, out of bags that follow each other.
 struct BagReader::Stream {
   struct Ahead {
     std::int64_t t_ns;
@@ -68,15 +61,13 @@ struct BagReader::Stream {
   };
 
   Role role = Role::kEvents;
-  BagFile* bag = nullptr;
-  std::string topic, md5;
+  std::string topic;
   std::string error;  // of the first message that cannot be used
-  std::vector<BagEntry> entries;
+  std::vector<BagMessage> messages;
   std::size_t next = 0;
   std::deque<Ahead> ahead;   // ordered by time
   std::int64_t lead_ns = 0;  // they are given this much before their time
   EventPacketConverter packets;
-  std::int64_t last_ns = std::numeric_limits<std::int64_t>::min();
 
   std::int64_t due_ns() const { return ahead.front().t_ns - lead_ns; }
 };
@@ -89,35 +80,37 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
   const Topics& topics = config_.topics;
   const bool lidar = config_.depth_from_lidar();
   const std::string depth_topic = lidar ? "" : topics.depth;
-  const std::vector<std::pair<Role, std::vector<std::size_t>>> found = {
-      {Role::kDepth, FindTopic("topics.depth", depth_topic, !lidar, {Md5<sensor_msgs::Image>()}, "sensor_msgs/Image")},
-      {Role::kPoints,
-       FindTopic("topics.points", topics.points, lidar, {Md5<sensor_msgs::PointCloud2>()}, "sensor_msgs/PointCloud2")},
-      {Role::kImu, FindTopic("topics.imu", topics.imu, false, {Md5<sensor_msgs::Imu>()}, "sensor_msgs/Imu")},
-      {Role::kGroundTruth,
-       FindTopic("topics.ground_truth", topics.ground_truth, false,
-                 {Md5<geometry_msgs::PoseStamped>(), Md5<nav_msgs::Odometry>(), Md5<geometry_msgs::TransformStamped>()},
-                 "geometry_msgs/PoseStamped, nav_msgs/Odometry or geometry_msgs/TransformStamped")},
-      {Role::kEvents,
-       FindTopic("topics.events", topics.events, true, {Md5<EventArray>(), Md5<EventPacket>()},
-                 "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket")}};
-  const std::string names[] = {depth_topic, topics.points, topics.imu, topics.ground_truth, topics.events};
-  for (const auto& role : found) {
-    for (const std::size_t b : role.second) {
-      auto stream = std::make_unique<Stream>();
-      stream->role = role.first;
-      stream->bag = bags_[b].get();
-      stream->topic = names[static_cast<int>(role.first)];
-      // Live, a sample comes at its time, whatever its clock says. By how much that is late is estimated.
-      if (stream->role == Role::kImu) stream->lead_ns = NsFromSeconds(config_.odometry.tracking.max_delay_s);
-      for (const BagEntry& entry : stream->bag->entries()) {
-        if (stream->bag->topics()[entry.topic].name == stream->topic) stream->entries.push_back(entry);
-      }
-      if (stream->entries.empty()) continue;
-      stream->md5 = stream->bag->topics()[stream->entries.front().topic].md5;
-      streams_.push_back(std::move(stream));
-    }
+  const std::string depth_types = "sensor_msgs/Image", points_types = "sensor_msgs/PointCloud2";
+  AddStreams(Role::kDepth, "topics.depth", depth_topic, !lidar, {Md5<sensor_msgs::Image>()}, depth_types);
+  AddStreams(Role::kPoints, "topics.points", topics.points, lidar, {Md5<sensor_msgs::PointCloud2>()}, points_types);
+  AddStreams(Role::kImu, "topics.imu", topics.imu, false, {Md5<sensor_msgs::Imu>()}, "sensor_msgs/Imu");
+  AddStreams(Role::kGroundTruth, "topics.ground_truth", topics.ground_truth, false,
+             {Md5<geometry_msgs::PoseStamped>(), Md5<nav_msgs::Odometry>(), Md5<geometry_msgs::TransformStamped>()},
+             "geometry_msgs/PoseStamped, nav_msgs/Odometry or geometry_msgs/TransformStamped");
+  AddStreams(Role::kEvents, "topics.events", topics.events, true, {Md5<EventArray>(), Md5<EventPacket>()},
+             "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket");
+  FindBegin(range);
+}
+
+void BagReader::AddStreams(Role role, const std::string& key, const std::string& topic, bool required,
+                           const std::vector<std::string>& md5s, const std::string& types) {
+  if (!HasTopic(key, topic, required, md5s, types)) return;
+  std::vector<BagRun> runs = RunsOf(bags_, topic);
+  if (role == Role::kEvents && runs.size() > 1) {
+    throw std::runtime_error(ComplaintOfOverlap(topic, runs[0], runs[1]) + "; all in both would count twice");
   }
+  for (BagRun& run : runs) {
+    auto stream = std::make_unique<Stream>();
+    stream->role = role;
+    stream->topic = topic;
+    // Live, a sample comes at its time, whatever its clock says. By how much that is late is estimated.
+    if (role == Role::kImu) stream->lead_ns = NsFromSeconds(config_.odometry.tracking.max_delay_s);
+    stream->messages = std::move(run.messages);
+    streams_.push_back(std::move(stream));
+  }
+}
+
+void BagReader::FindBegin(const BagRange& range) {
   std::int64_t first_ns = std::numeric_limits<std::int64_t>::max();
   for (const auto& stream : streams_) {
     if (stream->role != Role::kEvents) continue;
@@ -126,7 +119,7 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
     if (!stream->ahead.empty()) first_ns = std::min(first_ns, stream->ahead.front().t_ns);
   }
   if (first_ns == std::numeric_limits<std::int64_t>::max()) {
-    throw std::runtime_error("topic '" + topics.events +
+    throw std::runtime_error("topic '" + config_.topics.events +
                              "' (key 'topics.events') holds no events, expected at least one");
   }
   begin_ns_ = first_ns + NsFromSeconds(range.start_s);
@@ -134,7 +127,7 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
   // Depth from before the first event is welcome unless the caller cut it off.
   const bool cut = range.start_s > 0;
   if (!cut) begin_ns_ = first_ns;
-  for (const auto& stream : streams_) stream->last_ns = cut ? begin_ns_ - 1 : stream->last_ns;
+  last_ns_.fill(cut ? begin_ns_ - 1 : std::numeric_limits<std::int64_t>::min());
 }
 
 std::string BagReader::TopicsInBags() const {
@@ -148,28 +141,28 @@ std::string BagReader::TopicsInBags() const {
   return "the bags hold: " + list;
 }
 
-std::vector<std::size_t> BagReader::FindTopic(const std::string& key, const std::string& topic, bool required,
-                                              const std::vector<std::string>& md5s, const std::string& types) {
-  std::vector<std::size_t> found;
+bool BagReader::HasTopic(const std::string& key, const std::string& topic, bool required,
+                         const std::vector<std::string>& md5s, const std::string& types) {
   if (topic.empty()) {
     if (required) throw std::runtime_error("key '" + key + "' is empty, expected a topic; " + TopicsInBags());
-    return found;
+    return false;
   }
-  for (std::size_t b = 0; b < bags_.size(); ++b) {
-    for (const BagTopic& candidate : bags_[b]->topics()) {
+  bool found = false;
+  for (const auto& bag : bags_) {
+    for (const BagTopic& candidate : bag->topics()) {
       if (candidate.name != topic) continue;
       if (std::find(md5s.begin(), md5s.end(), candidate.md5) == md5s.end()) {
         throw std::runtime_error("topic '" + topic + "' (key '" + key + "') has type " + candidate.type + " (md5 " +
                                  candidate.md5 + "), expected " + types);
       }
-      if (found.empty() || found.back() != b) found.push_back(b);
+      found = true;
     }
   }
-  if (found.empty() && required) {
+  if (!found && required) {
     throw std::runtime_error("topic '" + topic + "' (key '" + key + "') is in none of the bags, expected " + types +
                              "; " + TopicsInBags());
   }
-  if (found.empty()) {
+  if (!found) {
     missing_optional_.push_back("topic '" + topic + "' (key '" + key +
                                 "') is in none of the bags: the run goes on without it");
   }
@@ -196,8 +189,7 @@ Camera BagReader::CameraFor(const std::string& key, const std::optional<Camera>&
     throw std::runtime_error("no CameraInfo: neither key '" + key + "' nor key '" + info_key +
                              "' is given, expected one");
   }
-  FindTopic(info_key, info_topic, true, {Md5<sensor_msgs::CameraInfo>()},
-            "sensor_msgs/CameraInfo or key '" + key + "'");
+  HasTopic(info_key, info_topic, true, {Md5<sensor_msgs::CameraInfo>()}, "sensor_msgs/CameraInfo or key '" + key + "'");
   const auto info = FirstMessage<sensor_msgs::CameraInfo>(info_topic);
   if (!info) {
     throw std::runtime_error("topic '" + info_topic + "' (key '" + info_key +
@@ -298,13 +290,13 @@ Rig BagReader::ReadRig() {
   return rig;
 }
 
-bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
-  const ByteSpan bytes = stream->bag->Read(entry);
+bool BagReader::Decode(Stream* stream, const BagMessage& message) {
+  const ByteSpan bytes = message.bag->Read(message.entry);
   if (bytes.data == nullptr) return false;
   Stream::Ahead ahead{0, EventSlice()};
   if (stream->role == Role::kEvents) {
     auto events = std::make_shared<std::vector<Event>>();
-    if (stream->md5 == Md5<EventPacket>()) {
+    if (message.topic().md5 == Md5<EventPacket>()) {
       stream->packets.Append(Deserialise<EventPacket>(bytes), events.get());
     } else {
       AppendSerializedEvents(bytes.data, bytes.size, events.get());
@@ -337,7 +329,7 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
   } else {
     GroundTruthPose pose;
     try {
-      pose.pose = PoseFrom(stream->md5, bytes);
+      pose.pose = PoseFrom(message.topic().md5, bytes);
     } catch (const std::invalid_argument&) {  // motion capture that has lost its body; nothing but figures needs it
       ++left_out_.ground_truth_invalid;
       return false;
@@ -352,12 +344,12 @@ bool BagReader::Decode(Stream* stream, const BagEntry& entry) {
 }
 
 void BagReader::FillAhead(Stream* stream) {
-  while (stream->ahead.size() < kLookAhead && stream->next < stream->entries.size() && stream->error.empty()) {
-    const BagEntry& entry = stream->entries[stream->next++];
+  while (stream->ahead.size() < kLookAhead && stream->next < stream->messages.size() && stream->error.empty()) {
+    const BagMessage& message = stream->messages[stream->next++];
     try {
-      Decode(stream, entry);
+      Decode(stream, message);
     } catch (const std::exception& e) {  // a stream overrun of roscpp says nothing about where
-      stream->error = "bag '" + stream->bag->path() + "', topic '" + stream->topic + "': " + e.what();
+      stream->error = "bag '" + message.bag->path() + "', topic '" + stream->topic + "': " + e.what();
     }
   }
   // What was looked ahead before the bad message comes out first.
@@ -397,6 +389,11 @@ BagItem BagReader::TakeEvents(Stream* stream) {
   return slice;
 }
 
+void BagReader::CountUnordered(Role role) {
+  if (role == Role::kDepth || role == Role::kPoints) ++left_out_.depth_unordered;
+  if (role == Role::kImu) ++left_out_.imu_unordered;
+}
+
 std::optional<BagItem> BagReader::Next() {
   for (;;) {
     Stream* first = nullptr;
@@ -415,11 +412,12 @@ std::optional<BagItem> BagReader::Next() {
     }
     BagItem item = std::move(first->ahead.front().item);
     first->ahead.pop_front();
-    if (t_ns <= first->last_ns) {
-      if (t_ns >= begin_ns_) CountUnordered(first->role, &left_out_);
+    std::int64_t& last_ns = last_ns_[static_cast<std::size_t>(first->role)];
+    if (t_ns <= last_ns) {
+      if (t_ns >= begin_ns_) CountUnordered(first->role);
       continue;
     }
-    first->last_ns = t_ns;
+    last_ns = t_ns;
     return item;
   }
 }
@@ -429,7 +427,7 @@ double BagReader::progress() const {
   for (const auto& stream : streams_) {
     if (stream->role != Role::kEvents) continue;
     done += stream->next;
-    all += stream->entries.size();
+    all += stream->messages.size();
   }
   return all > 0 ? static_cast<double>(done) / static_cast<double>(all) : 1.0;
 }

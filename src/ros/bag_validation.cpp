@@ -16,10 +16,13 @@
 #include <std_msgs/Header.h>
 #include <Eigen/Core>
 
+#include "devo/core/imu.h"
 #include "devo/core/median.h"
 #include "devo/core/time.h"
+#include "devo/io/evaluation.h"
 #include "devo/ros/bag_file.h"
 #include "devo/ros/bag_reader.h"
+#include "devo/ros/bag_runs.h"
 #include "devo/ros/conversions.h"
 #include "devo/ros/deserialise.h"
 #include "devo/ros/message_conversion.h"
@@ -100,12 +103,10 @@ class Validator {
 
   template <typename Visit>
   void ForEachMessage(const std::string& topic, Visit&& visit) {
-    for (const auto& bag : bags_) {
-      for (const BagEntry& entry : bag->entries()) {
-        const BagTopic& type = bag->topics()[entry.topic];
-        if (type.name != topic) continue;
-        const ByteSpan bytes = bag->Read(entry);
-        if (bytes.data != nullptr && !visit(type, bytes)) return;
+    for (const BagRun& run : RunsOf(bags_, topic)) {
+      for (const BagMessage& message : run.messages) {
+        const ByteSpan bytes = message.bag->Read(message.entry);
+        if (bytes.data != nullptr && !visit(message.topic(), bytes)) return;
       }
     }
   }
@@ -454,7 +455,7 @@ class Validator {
       Warn("the IMU's accelerations look like multiples of g, expected m/s^2");
     if (fastest_rad_s > 35) Warn("the IMU's turns look like degrees, expected rad/s (its driver's units)");
     if (stamps.falling > 0) Warn(Format("%zu IMU samples are earlier than the one before", stamps.falling));
-    if (stamps.longest_gap_ns > NsFromSeconds(0.1)) {
+    if (stamps.longest_gap_ns > kMaxImuGap_ns) {
       Warn(Format("no IMU samples for %.2f s at %.3f s", SecondsFromNs(stamps.longest_gap_ns),
                   SecondsFromNs(stamps.gap_at_ns)));
     }
@@ -477,8 +478,9 @@ class Validator {
       return true;
     });
     DescribeStamps("ground truth " + topic, stamps);
-    if (stamps.longest_gap_ns > NsFromSeconds(0.1))
-      Warn("ground truth has gaps over 0.1 s: poses there are not evaluated");
+    const double max_gap_s = EvaluationOptions().max_gap_s;
+    if (SecondsFromNs(stamps.longest_gap_ns) > max_gap_s)
+      Warn(Format("ground truth has gaps over %.1f s: poses there are not evaluated", max_gap_s));
   }
 
   /// Where a piece of the calibration comes from, as BagReader takes it.

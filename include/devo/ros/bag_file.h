@@ -10,6 +10,7 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,10 +34,36 @@ struct ByteSpan {
   std::size_t size = 0;
 };
 
+/// The decompressed chunks that were read last, of all bags that are read together: each with a cache of its own, a
+/// recording in many bags would fill the memory. Not thread-safe.
+class ChunkCache {
+ public:
+  /// Null where it is not there.
+  const std::vector<std::uint8_t>* Find(const void* bag, std::uint32_t chunk);
+  /// Memory for a chunk of so many bytes, of one that had to go for it.
+  std::vector<std::uint8_t> MakeRoom(std::size_t bytes);
+  /// Valid until the next call.
+  const std::vector<std::uint8_t>& Add(const void* bag, std::uint32_t chunk, std::vector<std::uint8_t> data);
+  /// Room for a chunk as it is in the file.
+  std::vector<std::uint8_t>& stored() { return stored_; }
+
+ private:
+  struct Entry {
+    const void* bag = nullptr;
+    std::uint32_t chunk = 0;
+    std::uint64_t last_use = 0;
+    std::vector<std::uint8_t> data;
+  };
+
+  std::vector<Entry> entries_;
+  std::vector<std::uint8_t> stored_;
+  std::uint64_t uses_ = 0;
+};
+
 class BagFile {
  public:
   /// Reads the index. Throws std::runtime_error naming the file when it is missing or no bag of format 2.0.
-  explicit BagFile(const std::string& path);
+  explicit BagFile(const std::string& path, std::shared_ptr<ChunkCache> cache = std::make_shared<ChunkCache>());
 
   const std::string& path() const { return path_; }
   const std::vector<BagTopic>& topics() const { return topics_; }
@@ -46,7 +73,8 @@ class BagFile {
   /// out to be damaged adds to it.
   const std::string& defect() const { return defect_; }
 
-  /// The serialised message; valid until the next call. Empty (data == nullptr) when its chunk is damaged.
+  /// The serialised message; valid until the next call for any bag of the same cache. Empty (data == nullptr) when its
+  /// chunk is damaged.
   ByteSpan Read(const BagEntry& entry);
 
  private:
@@ -56,14 +84,11 @@ class BagFile {
     std::string compression;
     bool indexed = false;
   };
-  struct CachedChunk {
-    std::uint32_t chunk = 0;
-    std::uint64_t last_use = 0;
-    std::vector<std::uint8_t> data;
-  };
   struct Record;
 
   void Scan();
+  /// Where the next record of a chunk begins after one that cannot be read.
+  std::optional<std::uint64_t> FindChunkAfter(std::uint64_t position);
   void AddChunk(const Record& record);
   void AddIndex(const Record& record);
   void AddConnection(const Record& record);
@@ -71,9 +96,8 @@ class BagFile {
   void FindMissingConnections();
   void MapEntriesToTopics();
   bool ReadRecord(std::uint64_t position, Record* record);
-  const std::vector<std::uint8_t>* LoadChunk(std::uint32_t chunk);
-  /// In the cache for so many bytes more. Returns the memory of a chunk that had to go, for the next.
-  std::vector<std::uint8_t> MakeRoom(std::size_t bytes);
+  /// Empty where it is damaged.
+  const std::vector<std::uint8_t>& LoadChunk(std::uint32_t chunk);
   template <typename Visit>
   void VisitChunk(std::uint32_t chunk, Visit&& visit);
   void AddDefect(const std::string& what);
@@ -86,9 +110,7 @@ class BagFile {
   std::map<std::uint32_t, BagTopic> connections_;  // by the id in the file
   std::vector<BagTopic> topics_;
   std::vector<BagEntry> entries_;  // topic: connection id until MapEntriesToTopics
-  std::vector<CachedChunk> cache_;
-  std::vector<std::uint8_t> stored_;  // a chunk as it is in the file
-  std::uint64_t uses_ = 0;
+  std::shared_ptr<ChunkCache> cache_;
 };
 
 /// The bags of one recording. Throws std::runtime_error naming the one that cannot be opened, or is given twice: all in

@@ -3,6 +3,8 @@
 // The recordings of one rig, from any number of bags, as one stream in the order of data time.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <limits>
@@ -19,6 +21,7 @@
 #include "devo/io/rig_config.h"
 #include "devo/io/trajectory.h"
 #include "devo/ros/bag_file.h"
+#include "devo/ros/bag_runs.h"
 #include "devo/ros/message_conversion.h"
 
 namespace devo {
@@ -55,7 +58,8 @@ struct LeftOut {
 class BagReader {
  public:
   /// Opens the bags and finds the topics of `config`. Throws std::runtime_error naming the bag that cannot be opened,
-  /// the topic that is in none of them (and those that are), or the topic whose type is of no use (and those that are).
+  /// the topic that is in none of them (and those that are), or the topic whose type is of no use (and those that are),
+  /// or the bags that hold events of the same time.
   BagReader(const std::vector<std::string>& paths, const RigConfig& config, const BagRange& range = {});
   ~BagReader();
 
@@ -87,10 +91,17 @@ class BagReader {
   const LeftOut& left_out() const { return left_out_; }
 
  private:
+  enum class Role { kDepth, kPoints, kImu, kGroundTruth, kEvents };
+  static constexpr std::size_t kRoles = 5;
   struct Stream;
 
-  std::vector<std::size_t> FindTopic(const std::string& key, const std::string& topic, bool required,
-                                     const std::vector<std::string>& md5s, const std::string& types);
+  void AddStreams(Role role, const std::string& key, const std::string& topic, bool required,
+                  const std::vector<std::string>& md5s, const std::string& types);
+  void FindBegin(const BagRange& range);
+  /// Throws where it has another type, or is required and in none of the bags.
+  bool HasTopic(const std::string& key, const std::string& topic, bool required, const std::vector<std::string>& md5s,
+                const std::string& types);
+  void CountUnordered(Role role);
   template <typename Message>
   std::optional<Message> FirstMessage(const std::string& topic);
   std::string TopicsInBags() const;
@@ -102,7 +113,7 @@ class BagReader {
   std::string DepthFrame();  // the LiDAR's, where it measures depth
   ImuSample ImuInEventFrame(const sensor_msgs::Imu& message);
   void FillAhead(Stream* stream);
-  bool Decode(Stream* stream, const BagEntry& entry);
+  bool Decode(Stream* stream, const BagMessage& message);
   /// Leaves out the first arrays of events where a long gap lies before the next: most often their stamps are 0.
   void DropStrayBeginning(Stream* stream);
   BagItem TakeEvents(Stream* stream);
@@ -112,6 +123,7 @@ class BagReader {
   std::unique_ptr<tf2::BufferCore> transforms_;      // tf_static of all bags, once asked for
   std::optional<ImuSurroundings> imu_surroundings_;  // once asked for
   std::vector<std::unique_ptr<Stream>> streams_;
+  std::array<std::int64_t, kRoles> last_ns_{};  // data time of the last item of each role
   std::int64_t begin_ns_ = 0, end_ns_ = std::numeric_limits<std::int64_t>::max();
   LeftOut left_out_;
   std::vector<std::string> missing_optional_;

@@ -6,10 +6,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <ctime>
 #include <deque>
+#include <exception>
 #include <fstream>
 #include <functional>
 #include <memory>
@@ -43,6 +45,18 @@ struct Arguments {
   int threads = 2;
   devo::DisturbanceOptions disturbance;
 };
+
+volatile std::sig_atomic_t interrupted = 0;
+
+/// What was computed until then is written. A second time ends the program at once.
+void StopAtInterrupt() {
+  const auto stop = [](int signal) {
+    interrupted = 1;
+    std::signal(signal, SIG_DFL);
+  };
+  std::signal(SIGINT, stop);
+  std::signal(SIGTERM, stop);
+}
 
 /// A bar on a terminal, plain lines elsewhere; on standard error, so that it never mixes with results.
 class Progress {
@@ -115,6 +129,7 @@ class Run {
     try {
       devo::ReadAhead items(&reader_, arguments_.threads > 1);
       while (const auto item = items.Next()) {
+        if (interrupted != 0) throw std::runtime_error(InterruptedAt());
         std::visit([this](const auto& value) { Take(value); }, item->item);
         progress.Show(item->progress);
       }
@@ -133,6 +148,7 @@ class Run {
     Evaluate();
   }
 
+  /// Each of the files, whether the others can be written or not; throws the first error then.
   void Write() {
     const std::string base = arguments_.out + "/";
     const std::vector<devo::MapPoint> map = odometry_.GlobalMap();
@@ -142,16 +158,33 @@ class Run {
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
     report_.peak_memory_mb = static_cast<double>(usage.ru_maxrss) / 1024;
-    devo::WriteTum(base + "trajectory.txt", report_.trajectory());
-    devo::WritePointCloud(base + "map.pcd", map);
-    std::ofstream file(base + "report.json");
-    file << report_.ToJson() << '\n';
-    if (!file.flush()) throw std::runtime_error("'" + base + "report.json': cannot be written");
+    std::exception_ptr first_error;
+    const auto attempt = [&first_error](auto&& write) {
+      try {
+        write();
+      } catch (const std::exception&) {
+        if (!first_error) first_error = std::current_exception();
+      }
+    };
+    attempt([&] { devo::WriteTum(base + "trajectory.txt", report_.trajectory()); });
+    attempt([&] {
+      std::ofstream file(base + "report.json");
+      file << report_.ToJson() << '\n';
+      if (!file.flush()) throw std::runtime_error("'" + base + "report.json': cannot be written");
+    });
+    attempt([&] { devo::WritePointCloud(base + "map.pcd", map); });
+    if (first_error) std::rethrow_exception(first_error);
   }
 
   const devo::RunReport& report() const { return report_; }
 
  private:
+  std::string InterruptedAt() const {
+    char text[80];
+    std::snprintf(text, sizeof(text), "interrupted after %.3f s of events",
+                  devo::SecondsFromNs(report_.end_ns - report_.begin_ns));
+    return text;
+  }
   void Take(const devo::EventSlice& slice) {
     if (report_.begin_ns == 0) report_.begin_ns = slice.events.begin()->t_ns;
     report_.end_ns = std::max(report_.end_ns, slice.events.end()[-1].t_ns);
@@ -240,6 +273,8 @@ class Run {
     const auto warn = [this](std::uint64_t count, const std::string& what) {
       if (count > 0) report_.warnings.push_back(std::to_string(count) + " " + what);
     };
+    warn(c.mapping.depth_too_late,
+         depth + "came when surfaces of their time were kept no longer, and made no map; expected within 0.3 s");
     for (const std::string& missing : reader_.MissingOptional()) report_.warnings.push_back(missing);
     warn(reader_.left_out().events_stray, events +
                                               "have times far from all others and are left out, expected times of "
@@ -266,6 +301,11 @@ class Run {
       report_.error = "no pose: " + std::to_string(c.events.in) + " events and " + std::to_string(c.mapping.depth_in) +
                       " " + depth_kind +
                       " made no reference, expected events and depth of the same time and a moving camera";
+    }
+    constexpr double kLateFirstPose_s = 1;
+    if (report_.FirstPoseAfter_s() > kLateFirstPose_s) {
+      report_.warnings.push_back("the first pose comes after " + std::to_string(report_.FirstPoseAfter_s()) +
+                                 " s of events, expected one with the first depth image of a moving camera");
     }
     for (const std::string& complaint : {devo::Complaint(report_.inertial_fit()), devo::LampComplaint(c.events)}) {
       if (!complaint.empty()) report_.warnings.push_back(complaint);
@@ -305,11 +345,14 @@ int RunOffline(const Arguments& arguments) {
   cv::setNumThreads(arguments.threads);
   devo::MakeOutputFolder(arguments.out);
   Run run(arguments);
+  StopAtInterrupt();
   run.Process();
-  run.Write();
   for (const std::string& warning : run.report().warnings)
     std::fprintf(stderr, "devo_offline: warning: %s\n", warning.c_str());
-  std::printf("%s%s/trajectory.txt, map.pcd, report.json\n", run.report().Summary().c_str(), arguments.out.c_str());
+  std::printf("%s", run.report().Summary().c_str());
+  std::fflush(stdout);
+  run.Write();
+  std::printf("%s/trajectory.txt, map.pcd, report.json\n", arguments.out.c_str());
   if (run.report().error.empty()) return 0;
   std::fprintf(stderr, "devo_offline: %s\n", run.report().error.c_str());
   return 2;

@@ -100,6 +100,7 @@ std::string RunReport::ToJson() const {
   json["warnings"] = warnings;
   json["poses"] = trajectory_.size();
   json["coverage"] = Coverage(end_ns);
+  json["first_pose_after_s"] = FirstPoseAfter_s();
   json["chapters"] = chapters_;
   json["event_delay_ms"] = 1e3 * delays_.event_s;
   json["depth_delay_ms"] = 1e3 * delays_.depth_s;
@@ -142,6 +143,7 @@ std::string RunReport::ToJson() const {
                           {"without_moving_thing", counters.mapping.depth_without_thing},
                           {"jumps", counters.mapping.depth_jumps},
                           {"repeated", counters.mapping.depth_repeated},
+                          {"too_late", counters.mapping.depth_too_late},
                           {"without_valid_pixel", counters.mapping.depth_without_valid_pixel},
                           {"skipped_by_rate", depth_skipped_by_rate},
                           {"unordered", depth_unordered}};
@@ -158,11 +160,16 @@ std::string RunReport::ToJson() const {
   return json.dump(2);
 }
 
+double RunReport::FirstPoseAfter_s() const {
+  return trajectory_.empty() ? 0 : SecondsFromNs(trajectory_.front().t_ns - begin_ns);
+}
+
 std::string RunReport::Summary() const {
   char line[256];
   std::snprintf(line, sizeof(line),
-                "%zu poses, coverage %.1f %%, lost %zu times, %llu references, %.1f times real time\n",
-                trajectory_.size(), 100 * Coverage(end_ns), lost_.size(),
+                "%zu poses, the first after %.2f s, coverage from there %.1f %%, lost %zu times, %llu references, %.1f "
+                "times real time\n",
+                trajectory_.size(), FirstPoseAfter_s(), 100 * Coverage(end_ns), lost_.size(),
                 static_cast<unsigned long long>(counters.mapping.references), RealTimeFactor());
   std::string text = line;
   if (evaluation) {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <variant>
 
 #include <gmock/gmock.h>
@@ -214,6 +215,81 @@ TEST_F(DevoOffline, NamesTheFolderForResultsInWhichNothingCanBeWrittenBeforeItBe
 TEST_F(DevoOffline, RefusesABagThatIsGivenTwice) {
   TinyRecording().Write(Bag());
   ExpectRefused(Run("--bag " + folder_ + "/./a.bag"), HasSubstr("/./a.bag': given twice"));
+}
+
+TEST_F(DevoOffline, RefusesACopyOfABag) {
+  TinyRecording().Write(Bag());
+  std::ofstream(folder_ + "/a.orig.bag", std::ios::binary) << Contents(Bag());
+  ExpectRefused(Run("--bag " + folder_ + "/a.orig.bag"),
+                AllOf(HasSubstr("topic '/events' is in '" + Bag() + "'"), HasSubstr("would count twice")));
+}
+
+/// The recording's first and second half, as a recorder writes them that begins a new bag now and then.
+std::pair<TinyRecording, TinyRecording> Halves(const TinyRecording& recording) {
+  TinyRecording first = recording, second = recording;
+  const auto halve = [](auto* before, auto* after) {
+    const auto half = static_cast<std::ptrdiff_t>(before->size() / 2);
+    before->erase(before->begin() + half, before->end());
+    after->erase(after->begin(), after->begin() + half);
+  };
+  halve(&first.events, &second.events);
+  halve(&first.depth, &second.depth);
+  halve(&first.truth, &second.truth);
+  return {first, second};
+}
+
+TEST_F(DevoOffline, GivesTheSameFromARecordingInTwoBagsWhicheverIsNamedFirst) {
+  const TinyRecording recording;
+  recording.Write(Bag());
+  ASSERT_EQ(Run().status, 0);
+  const std::string expected = Trajectory();
+  const auto [first, second] = Halves(recording);
+  for (const bool reversed : {false, true}) {
+    first.Write(reversed ? folder_ + "/b.bag" : Bag());
+    second.Write(reversed ? Bag() : folder_ + "/b.bag");
+    const ProgramResult result = Run("--bag " + folder_ + "/b.bag");
+    EXPECT_EQ(result.status, 0) << result.err;
+    EXPECT_EQ(Trajectory(), expected);
+  }
+  const ProgramResult validated = RunProgram(
+      "devo_validate_bag", "--config " + folder_ + "/rig.yaml --bag " + Bag() + " --bag " + folder_ + "/b.bag");
+  EXPECT_EQ(validated.status, 0) << validated.out << validated.err;
+  EXPECT_THAT(validated.out, Not(HasSubstr("will be dropped")));
+}
+
+TEST_F(DevoOffline, KeepsTheSensorsClockFromBagToBag) {
+  const auto packet_at = [](std::uint64_t seq, std::uint32_t sensor_ms, double arrival_s) {
+    EventPacket packet;
+    packet.encoding = "evt2";
+    packet.seq = seq;
+    packet.header.stamp = ros::Time(arrival_s);
+    for (const std::uint32_t word : {0x80000000U | sensor_ms * 1000 / 64, 0x10000000U}) {
+      for (int i = 0; i < 4; ++i) packet.events.push_back(static_cast<std::uint8_t>(word >> (8 * i)));
+    }
+    return packet;
+  };
+  for (const int half : {0, 1}) {
+    rosbag::Bag bag(folder_ + "/" + std::to_string(half) + ".bag", rosbag::bagmode::Write);
+    for (std::uint32_t k = 1; k <= 10; ++k) {
+      const std::uint32_t n = k + 10 * static_cast<std::uint32_t>(half);
+      const double arrival_s = 100 + 0.064 * n + 0.005 * half;  // the second bag's packets are later underway
+      bag.write("/events", ros::Time(arrival_s), packet_at(n, 64 * n, arrival_s));
+      bag.write("/depth", ros::Time(arrival_s), DepthOf(TinyScene(), std::llround(1e9 * arrival_s), 1000));
+    }
+  }
+  const RigConfig config = LoadRigConfig({folder_ + "/rig.yaml"}, {});
+  BagReader reader({folder_ + "/0.bag", folder_ + "/1.bag"}, config);
+  std::int64_t last_ns = 0;
+  int events = 0;
+  while (const auto item = reader.Next()) {
+    const auto* slice = std::get_if<EventSlice>(&*item);
+    if (!slice) continue;
+    const std::int64_t t_ns = slice->events.begin()->t_ns;
+    EXPECT_NEAR(1e-9 * static_cast<double>(t_ns - (events > 0 ? last_ns : t_ns - 64'000'000)), 0.064, 1e-6);
+    last_ns = t_ns;
+    ++events;
+  }
+  EXPECT_EQ(events, 20);
 }
 
 TEST_F(DevoOffline, NamesTheTopicThatIsMissingAndThoseThatAreThere) {
@@ -475,6 +551,45 @@ TEST_F(DevoOffline, UsesWhatIsReadableWhenAChunkIsDamaged) {
   file.close();
   ExpectRefused(Run(), AllOf(HasSubstr(Bag()), HasSubstr("damaged")));
   EXPECT_GT(ReadTum(folder_ + "/out/trajectory.txt").size(), 30U);
+}
+
+TEST_F(DevoOffline, UsesWhatFollowsOnAChunkWhoseHeaderIsDamaged) {
+  TinyRecording().Write(Bag());
+  ASSERT_EQ(Run().status, 0);
+  const std::size_t whole = ReadTum(folder_ + "/out/trajectory.txt").size();
+  std::string bytes = Contents(Bag());
+  const std::size_t chunk = bytes.find("op=\x05", bytes.size() / 5);
+  ASSERT_NE(chunk, std::string::npos);
+  bytes.replace(chunk - 4, 4, "\xff\xff\xff\x7f");
+  std::ofstream(Bag(), std::ios::binary) << bytes;
+  ExpectRefused(Run(), AllOf(HasSubstr(Bag()), HasSubstr("is damaged at byte")));
+  EXPECT_GT(ReadTum(folder_ + "/out/trajectory.txt").size(), whole * 8 / 10);
+}
+
+TEST_F(DevoOffline, KeepsWhatWasComputedUntilItIsInterrupted) {
+  TinyScene slow;
+  slow.duration_s = 8;
+  TinyRecording(slow).Write(Bag());
+  const std::string program = std::string(DEVO_BIN_DIR) + "/devo_offline --config " + folder_ + "/rig.yaml --bag " +
+                              Bag() + " --out " + folder_ + "/out --threads 1";
+  const std::string error = folder_ + "/error";
+  const int status = std::system(("bash -c '" + program + " > /dev/null 2> " + error + " & while ! grep -q 25 " +
+                                  error + "; do sleep 0.02; done; kill -TERM $!; wait $!'")
+                                     .c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 2);
+  EXPECT_THAT(Contents(error), HasSubstr("interrupted after"));
+  EXPECT_GT(ReadTum(folder_ + "/out/trajectory.txt").size(), 100U);
+  EXPECT_THAT(Report()["error"].get<std::string>(), HasSubstr("interrupted after"));
+}
+
+TEST_F(DevoOffline, WritesAndSaysTheRestWhereOneFileCannotBeWritten) {
+  TinyRecording().Write(Bag());
+  ASSERT_EQ(std::system(("mkdir -p " + folder_ + "/out/trajectory.txt").c_str()), 0);
+  const ProgramResult result = Run();
+  ExpectRefused(result, HasSubstr("trajectory.txt"));
+  EXPECT_THAT(result.out, HasSubstr("ATE"));
+  EXPECT_GT(Report()["map_points"], 100);
+  EXPECT_THAT(Contents(folder_ + "/out/map.pcd"), HasSubstr("DATA binary"));
 }
 
 TEST_F(DevoOffline, SaysThatABagIsEmpty) {

@@ -32,6 +32,8 @@ class RunReport {
 
   /// Share of the ticks from the first reference to `end_ns` that have a pose in the trajectory, 0..1.
   double Coverage(std::int64_t end_ns) const;
+  /// Seconds from the first event to the first pose; 0 where there is none.
+  double FirstPoseAfter_s() const;
 
   /// Medians over the poses; all zero without an inertial sensor.
   InertialFit inertial_fit() const;

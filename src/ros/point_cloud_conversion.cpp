@@ -6,6 +6,7 @@
 #include <cstring>
 #include <initializer_list>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -151,25 +152,85 @@ void CheckSize(const PointCloud2& cloud) {
   }
 }
 
-/// Spreads the points over a turn that ends now, by their azimuth.
-void SpreadOverTurn(double turn_s, std::vector<LidarPoint>* points) {
-  constexpr double kTurn = 2 * M_PI;
-  if (points->empty()) return;
-  const auto azimuth = [](const LidarPoint& p) { return std::atan2(p.p_lidar.y(), p.p_lidar.x()); };
+constexpr double kTurn = 2 * M_PI;
+
+/// Where each ring begins, and the end, where the points come ring by ring; else the cloud is one piece.
+std::vector<std::size_t> BoundsOfRings(const std::vector<LidarPoint>& points) {
+  std::vector<std::size_t> bounds = {0};
+  std::set<int> rings = {points.front().ring};
+  bool returns = false;
+  for (std::size_t i = 1; i < points.size() && !returns; ++i) {
+    if (points[i].ring == points[i - 1].ring) continue;
+    // Beams that see little leave long runs of one ring among firings, too, but firings come back to every ring.
+    returns = !rings.insert(points[i].ring).second;
+    bounds.push_back(i);
+  }
+  if (returns || 4 * (bounds.size() - 1) >= points.size()) bounds.resize(1);
+  bounds.push_back(points.size());
+  return bounds;
+}
+
+/// Of points that come firing by firing: angle to the last, in the direction of turning (before it: negative).
+std::vector<double> AnglesByFiring(const std::vector<double>& azimuths) {
   // Beams differ a little in azimuth and the last firings may overlap the first: steps are taken as the shorter way
   // round.
-  std::vector<double> turned(points->size());
-  double angle = 0, last = azimuth(points->front());
-  for (std::size_t i = 0; i < points->size(); ++i) {
-    const double now = azimuth((*points)[i]);
-    angle += std::remainder(now - last, kTurn);
-    last = now;
-    turned[i] = angle;
+  std::vector<double> angles(azimuths.size());
+  for (std::size_t i = 1; i < azimuths.size(); ++i)
+    angles[i] = angles[i - 1] + std::remainder(azimuths[i] - azimuths[i - 1], kTurn);
+  const double end = angles.back(), direction = std::copysign(1, end);
+  for (double& angle : angles) angle = direction * (angle - end);
+  return angles;
+}
+
+/// 1: the azimuth grows along the rings, -1: it falls.
+double DirectionOfRings(const std::vector<double>& azimuths, const std::vector<std::size_t>& bounds) {
+  // Steps are counted, not added up: one over a gap may be more than half a turn and look as if it went back.
+  int ahead = 0;
+  for (std::size_t ring = 0; ring + 1 < bounds.size(); ++ring) {
+    for (std::size_t i = bounds[ring] + 1; i < bounds[ring + 1]; ++i) {
+      const double step = std::remainder(azimuths[i] - azimuths[i - 1], kTurn);
+      ahead += (step > 0 ? 1 : 0) - (step < 0 ? 1 : 0);
+    }
   }
-  const double whole = std::copysign(kTurn, angle), end = angle;
-  for (std::size_t i = 0; i < points->size(); ++i) {
-    (*points)[i].t_ns += NsFromSeconds(turn_s * (turned[i] - end) / whole);
+  return ahead < 0 ? -1 : 1;
+}
+
+/// Of points that come ring by ring, each over the same turn: angle to its end, in the direction of turning.
+std::vector<double> AnglesByRing(const std::vector<double>& azimuths, const std::vector<std::size_t>& bounds) {
+  constexpr double kJitter = kTurn / 36;  // by which the azimuth may fall back along a ring
+  const double direction = DirectionOfRings(azimuths, bounds);
+  const auto ahead = [&](std::size_t from, std::size_t to, double least) {
+    const double angle = direction * std::remainder(azimuths[to] - azimuths[from], kTurn);
+    return angle < least ? angle + kTurn : angle;
+  };
+  std::vector<double> angles(azimuths.size());
+  std::size_t longest = 0;
+  double seen = 0;  // by the ring that sees most of the turn
+  for (std::size_t ring = 0; ring + 1 < bounds.size(); ++ring) {
+    const std::size_t last = bounds[ring + 1] - 1;
+    for (std::size_t i = bounds[ring] + 1; i <= last; ++i) angles[i] = angles[i - 1] + ahead(i - 1, i, -kJitter);
+    if (angles[last] > seen) seen = angles[last], longest = ring;
   }
+  double end = seen;
+  for (std::size_t ring = 0; ring + 1 < bounds.size(); ++ring) {
+    double begin = ahead(bounds[longest], bounds[ring], 0);
+    // A ring may begin a little before that ring: a turn earlier, where it then juts out less.
+    if (begin + angles[bounds[ring + 1] - 1] - seen > kTurn - begin) begin -= kTurn;
+    for (std::size_t i = bounds[ring]; i < bounds[ring + 1]; ++i) end = std::max(end, angles[i] += begin);
+  }
+  for (double& angle : angles) angle -= end;
+  return angles;
+}
+
+/// Spreads the points over a turn that ends now, by their azimuth.
+void SpreadOverTurn(double turn_s, std::vector<LidarPoint>* points) {
+  if (points->empty()) return;
+  std::vector<double> azimuths;
+  azimuths.reserve(points->size());
+  for (const LidarPoint& point : *points) azimuths.push_back(std::atan2(point.p_lidar.y(), point.p_lidar.x()));
+  const std::vector<std::size_t> bounds = BoundsOfRings(*points);
+  const auto angles = bounds.size() > 2 ? AnglesByRing(azimuths, bounds) : AnglesByFiring(azimuths);
+  for (std::size_t i = 0; i < points->size(); ++i) (*points)[i].t_ns += NsFromSeconds(turn_s * angles[i] / kTurn);
 }
 
 }  // namespace

@@ -129,6 +129,81 @@ TEST(PointClouds, WithoutTimesAreSpreadOverATurnThatEndsAtTheStampWhereItsDurati
   }
 }
 
+/// A point at this azimuth, of a beam that is `ring` degrees up.
+void AddPoint(double azimuth_deg, int ring, Cloud* cloud) {
+  const double azimuth = azimuth_deg * M_PI / 180;
+  cloud->Point(static_cast<float>(5 * std::cos(azimuth)), static_cast<float>(5 * std::sin(azimuth)),
+               static_cast<float>(5 * std::tan(ring * M_PI / 180)), static_cast<std::uint16_t>(ring));
+}
+
+TEST(PointClouds, WithoutTimesThatComeRowByRowAreSpreadOverTheOneTurnThatAllRowsShare) {
+  for (const double direction : {-1.0, 1.0}) {
+    Cloud cloud;
+    for (int ring = 0; ring < 16; ++ring) {
+      for (int column = 0; column < 1800; ++column) {
+        const double azimuth = (170 + direction * (0.2 * column + 0.01 * (ring - 8))) * M_PI / 180;
+        cloud.Point(static_cast<float>(5 * std::cos(azimuth)), static_cast<float>(5 * std::sin(azimuth)), 0.5F);
+      }
+    }
+    cloud.message().height = 16;
+    cloud.message().width = 1800;
+    cloud.message().row_step = 1800 * cloud.message().point_step;
+    const LidarSweep sweep = ToLidarSweep(cloud.message(), 0.1);
+    ASSERT_EQ(sweep.points.size(), 16U * 1800U);
+    EXPECT_EQ(sweep.end_ns, kStamp_ns);
+    for (std::size_t i = 0; i < sweep.points.size(); ++i) {
+      const double expected_ns = -0.1e9 * (1799 - static_cast<double>(i % 1800)) / 1800;
+      ASSERT_NEAR(static_cast<double>(sweep.points[i].t_ns - kStamp_ns), expected_ns, 5e4) << direction << ", " << i;
+    }
+  }
+}
+
+TEST(PointClouds, WithoutTimesThatAreSortedByRingHaveTheSameTimeAtTheSameAzimuthWhateverTheirRingDoesNotSee) {
+  // Pairs of begin and end of what each ring sees, degrees since the turn began.
+  const std::vector<std::vector<int>> seen = {{210, 240},       {0, 359},  {0, 40, 270, 359},
+                                              {0, 5, 325, 359}, {70, 359}, {330, 359}};
+  for (const double direction : {-1.0, 1.0}) {
+    Cloud cloud;
+    cloud.Field("ring", PointField::UINT16, 2);
+    std::vector<int> expected_deg;
+    for (std::size_t ring = 0; ring < seen.size(); ++ring) {
+      for (std::size_t k = 0; k < seen[ring].size(); k += 2) {
+        for (int angle = seen[ring][k]; angle <= seen[ring][k + 1]; ++angle) {
+          AddPoint(-100 + direction * angle, static_cast<int>(ring), &cloud);
+          expected_deg.push_back(angle);
+        }
+      }
+    }
+    const LidarSweep sweep = ToLidarSweep(cloud.message(), 0.1);
+    ASSERT_EQ(sweep.points.size(), expected_deg.size());
+    for (std::size_t i = 0; i < sweep.points.size(); ++i) {
+      ASSERT_NEAR(static_cast<double>(sweep.points[i].t_ns - kStamp_ns), 0.1e9 * (expected_deg[i] - 359) / 360, 1e3)
+          << direction << ", ring " << sweep.points[i].ring << ", " << expected_deg[i] << " deg";
+    }
+  }
+}
+
+TEST(PointClouds, WithoutTimesThatComeFiringByFiringMayOverlapTheBeginOfTheirTurn) {
+  for (const int rings : {16, 2}) {
+    Cloud cloud;
+    cloud.Field("ring", PointField::UINT16, 2);
+    std::vector<int> expected_deg;
+    for (int angle = 0; angle <= 370; ++angle) {
+      // Two beams, of which the upper sees a post now and then: long runs of one ring.
+      for (int ring = 0; ring < (rings > 2 || angle % 50 == 20 ? rings : 1); ++ring) {
+        AddPoint(30 - angle, ring, &cloud);
+        expected_deg.push_back(angle);
+      }
+    }
+    const LidarSweep sweep = ToLidarSweep(cloud.message(), 0.1);
+    ASSERT_EQ(sweep.points.size(), expected_deg.size());
+    for (std::size_t i = 0; i < sweep.points.size(); ++i) {
+      ASSERT_NEAR(static_cast<double>(sweep.points[i].t_ns - kStamp_ns), 0.1e9 * (expected_deg[i] - 370) / 360, 1e3)
+          << rings << " rings, " << expected_deg[i] << " deg";
+    }
+  }
+}
+
 TEST(PointClouds, ThatAreOrganisedHaveTheirRowsAsRings) {
   Cloud cloud;
   for (int k = 0; k < 6; ++k) cloud.Point(1.0F + static_cast<float>(k), 0.0F, 0.0F);

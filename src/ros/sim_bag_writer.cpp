@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "devo/ros/sim_bag_writer.h"
 
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -42,7 +44,7 @@ geometry_msgs::TransformStamped ToTransform(std::int64_t t_ns, const Rigid3& T, 
 class PlainWriter : public SimBagWriter {
  public:
   PlainWriter(const std::string& stem, const sim::Sequence& sequence) : sequence_(sequence), stem_(stem) {
-    OpenSimBag(stem + ".bag", rosbag::compression::LZ4, &bag_);
+    bag_.Open(stem + ".bag", rosbag::compression::LZ4);
     files_ = {stem + ".bag", stem + ".yaml", stem + "_groundtruth.txt"};
     using Depth = sim::SequenceOptions::Depth;
     const auto& o = sequence.options();
@@ -67,48 +69,48 @@ class PlainWriter : public SimBagWriter {
     const Rig& rig = sequence_.rig();
     const std::string depth_frame = rig.depth_registered ? PlainTopics::kEventFrame : PlainTopics::kDepthFrame;
     if (!chunk.events.empty()) {
-      bag_.write(
+      bag_.Write(
           PlainTopics::kEvents, Stamp(chunk.events.back().t_ns),
           ToEventArrayMsg(chunk.events, rig.event_camera.width(), rig.event_camera.height(), PlainTopics::kEventFrame));
     }
     for (const auto& depth : chunk.depth) {
-      bag_.write(PlainTopics::kDepth, Stamp(depth.t_ns), ToDepthMsg(depth, "16UC1", depth_frame));
-      bag_.write(PlainTopics::kDepthCameraInfo, Stamp(depth.t_ns),
+      bag_.Write(PlainTopics::kDepth, Stamp(depth.t_ns), ToDepthMsg(depth, "16UC1", depth_frame));
+      bag_.Write(PlainTopics::kDepthCameraInfo, Stamp(depth.t_ns),
                  ToCameraInfoMsg(rig.depth_camera, depth.t_ns, depth_frame));
     }
     for (const auto& scan : chunk.scans) {
-      bag_.write(PlainTopics::kPoints, Stamp(scan.t_ns), ToPointCloudMsg(scan, PlainTopics::kLidarFrame));
+      bag_.Write(PlainTopics::kPoints, Stamp(scan.t_ns), ToPointCloudMsg(scan, PlainTopics::kLidarFrame));
     }
     for (const auto& frame : chunk.frames) {
-      bag_.write(PlainTopics::kFrames, Stamp(frame.t_ns), ToFrameMsg(frame, PlainTopics::kEventFrame));
+      bag_.Write(PlainTopics::kFrames, Stamp(frame.t_ns), ToFrameMsg(frame, PlainTopics::kEventFrame));
     }
     for (const auto& sample : chunk.imu) {
-      bag_.write(PlainTopics::kImu, Stamp(sample.t_ns), ToImuMsg(sample, PlainTopics::kEventFrame));
+      bag_.Write(PlainTopics::kImu, Stamp(sample.t_ns), ToImuMsg(sample, PlainTopics::kEventFrame));
     }
     for (const auto& pose : chunk.poses) {
-      bag_.write(PlainTopics::kGroundTruth, Stamp(pose.t_ns), ToPoseMsg(pose.t_ns, pose.T_world_event, "world"));
+      bag_.Write(PlainTopics::kGroundTruth, Stamp(pose.t_ns), ToPoseMsg(pose.t_ns, pose.T_world_event, "world"));
       truth_.push_back({pose.t_ns, pose.T_world_event});
     }
     if (++chunks_ % 10 == 1) {
-      bag_.write(PlainTopics::kEventCameraInfo, Stamp(chunk.end_ns),
+      bag_.Write(PlainTopics::kEventCameraInfo, Stamp(chunk.end_ns),
                  ToCameraInfoMsg(rig.event_camera, chunk.end_ns, PlainTopics::kEventFrame));
     }
   }
 
   void Close() override {
-    bag_.close();
     WriteTum(stem_ + "_groundtruth.txt", truth_);
+    bag_.Close();  // last: who finds the bag takes the files beside it for complete
   }
 
  private:
   void WriteTransforms() {
     const tf2_msgs::TFMessage message = StaticTransforms(sequence_);
-    if (!message.transforms.empty()) bag_.write("/tf_static", Stamp(sequence_.begin_ns()), message);
+    if (!message.transforms.empty()) bag_.Write("/tf_static", Stamp(sequence_.begin_ns()), message);
   }
 
   const sim::Sequence& sequence_;
   std::string stem_;
-  rosbag::Bag bag_;
+  SimBag bag_;
   Trajectory truth_;
   int chunks_ = 0;
 };
@@ -144,9 +146,41 @@ void OpenSimBag(const std::string& path, rosbag::compression::CompressionType co
   bag->setCompression(compression);
 }
 
+void SimBag::CloseOrLeak::operator()(rosbag::Bag* bag) const noexcept {
+  try {
+    bag->close();
+  } catch (const std::exception&) {
+    return;  // leaked: its destructor would close, and throw, again
+  }
+  delete bag;
+}
+
+void SimBag::Open(const std::string& path, rosbag::CompressionType compression) {
+  path_ = path;
+  bag_.reset(new rosbag::Bag);
+  OpenSimBag(ActivePath(), compression, bag_.get());
+  std::remove(path.c_str());  // of another run, which calibration written now may not fit
+}
+
+void SimBag::Close() {
+  if (!bag_) return;
+  rosbag::Bag* bag = bag_.release();  // leaked where it cannot be closed, as in CloseOrLeak
+  try {
+    bag->close();
+  } catch (const rosbag::BagException& e) {
+    ThrowCannotBeWritten(e.what());
+  }
+  delete bag;
+  if (std::rename(ActivePath().c_str(), path_.c_str()) != 0) ThrowCannotBeWritten(std::strerror(errno));
+}
+
+void SimBag::ThrowCannotBeWritten(const std::string& reason) const {
+  throw std::runtime_error("bag '" + ActivePath() + "' cannot be written: " + reason);
+}
+
 void WriteSimText(const std::string& path, const std::string& text) {
   std::ofstream file(path);
-  file << text;
+  file << text << std::flush;
   if (!file) throw std::runtime_error("file '" + path + "' cannot be written");
 }
 

@@ -89,10 +89,10 @@ namespace {
 
 template <typename Name>
 void WriteEvents(const sim::Chunk& chunk, const Camera& camera, const std::string& topic, const std::string& frame_id,
-                 rosbag::Bag* bag) {
+                 SimBag* bag) {
   if (chunk.events.empty()) return;
   const RenamedEventArray<Name> renamed{ToEventArrayMsg(chunk.events, camera.width(), camera.height(), frame_id)};
-  bag->write(topic, SimStamp(chunk.events.back().t_ns), renamed);
+  bag->Write(topic, SimStamp(chunk.events.back().t_ns), renamed);
 }
 
 std::string BaseName(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
@@ -130,8 +130,8 @@ class MvsecWriter : public SimBagWriter {
           "the mvsec dialect has depth in the event camera's image; expected depth `registered`");
     }
     if (right != nullptr) T_right_left_ = right->options().T_motion_event.inverse() * sequence.options().T_motion_event;
-    OpenSimBag(stem + "_data.bag", rosbag::compression::LZ4, &data_);
-    OpenSimBag(stem + "_gt.bag", rosbag::compression::LZ4, &gt_);
+    data_.Open(stem + "_data.bag", rosbag::compression::LZ4);
+    gt_.Open(stem + "_gt.bag", rosbag::compression::LZ4);
     std::string scene = BaseName(stem);
     while (scene.size() > 1 && std::isdigit(static_cast<unsigned char>(scene.back())) != 0) scene.pop_back();
     files_ = {stem + "_data.bag", stem + "_gt.bag", FolderOf(stem) + "camchain-imucam-" + scene + ".yaml"};
@@ -145,35 +145,35 @@ class MvsecWriter : public SimBagWriter {
     for (const auto& scan : chunk.scans) {
       const auto message =
           ToPointCloudMsg(scan, "velodyne", PointLayout::kVelodyneOld, 1 / sequence_.lidar_model().rate_hz);
-      data_.write("/velodyne_point_cloud", message.header.stamp, message);
+      data_.Write("/velodyne_point_cloud", message.header.stamp, message);
     }
     for (const auto& pose : chunk.poses) {
       const auto message = ToPoseMsg(pose.t_ns, pose.T_world_event, "map");
-      gt_.write("/davis/left/pose", SimStamp(pose.t_ns), message);
-      if (++poses_ % 10 == 0) gt_.write("/davis/left/odometry", SimStamp(pose.t_ns), message);
+      gt_.Write("/davis/left/pose", SimStamp(pose.t_ns), message);
+      if (++poses_ % 10 == 0) gt_.Write("/davis/left/odometry", SimStamp(pose.t_ns), message);
     }
   }
 
   void WriteRight(const sim::Chunk& chunk) override { WriteCamera(chunk, "/davis/right", "davis_right"); }
 
   void Close() override {
-    data_.close();
-    gt_.close();
+    data_.Close();
+    gt_.Close();
   }
 
  private:
   void WriteCamera(const sim::Chunk& chunk, const std::string& name, const std::string& frame_id) {
     WriteEvents<DvsName>(chunk, camera_, name + "/events", frame_id, &data_);
     for (const auto& frame : chunk.frames) {
-      data_.write(name + "/image_raw", SimStamp(frame.t_ns), ToFrameMsg(frame, frame_id));
-      data_.write(name + "/camera_info", SimStamp(frame.t_ns), ToCameraInfoMsg(camera_, frame.t_ns, frame_id));
+      data_.Write(name + "/image_raw", SimStamp(frame.t_ns), ToFrameMsg(frame, frame_id));
+      data_.Write(name + "/camera_info", SimStamp(frame.t_ns), ToCameraInfoMsg(camera_, frame.t_ns, frame_id));
     }
-    for (const auto& sample : chunk.imu) data_.write(name + "/imu", SimStamp(sample.t_ns), ToImuMsg(sample, frame_id));
+    for (const auto& sample : chunk.imu) data_.Write(name + "/imu", SimStamp(sample.t_ns), ToImuMsg(sample, frame_id));
     for (const auto& depth : chunk.depth) {
       const DepthImage rectified{depth.t_ns, Rectified(depth.depth_m)};
-      gt_.write(name + "/depth_image_raw", SimStamp(depth.t_ns), ToDepthMsg(depth, "32FC1", frame_id));
-      gt_.write(name + "/depth_image_rect", SimStamp(depth.t_ns), ToDepthMsg(rectified, "32FC1", frame_id));
-      gt_.write(name + "/camera_info", SimStamp(depth.t_ns), ToCameraInfoMsg(camera_, depth.t_ns, frame_id));
+      gt_.Write(name + "/depth_image_raw", SimStamp(depth.t_ns), ToDepthMsg(depth, "32FC1", frame_id));
+      gt_.Write(name + "/depth_image_rect", SimStamp(depth.t_ns), ToDepthMsg(rectified, "32FC1", frame_id));
+      gt_.Write(name + "/camera_info", SimStamp(depth.t_ns), ToCameraInfoMsg(camera_, depth.t_ns, frame_id));
     }
   }
 
@@ -247,7 +247,7 @@ class MvsecWriter : public SimBagWriter {
   const sim::Sequence& sequence_;
   const Camera camera_;  // of both: they are of one kind
   std::optional<Rigid3> T_right_left_;
-  rosbag::Bag data_, gt_;
+  SimBag data_, gt_;
   int poses_ = 0;
 };
 
@@ -276,36 +276,36 @@ class VectorWriter : public SimBagWriter {
 
   void Write(const sim::Chunk& chunk) override {
     WriteEvents<PropheseeName>(chunk, sequence_.rig().event_camera, "/prophesee/left/events", "left_event_camera",
-                               &bags_["left_event"]);
+                               &bags_.at("left_event"));
     for (const auto& depth : chunk.depth) {
-      bags_["kinect_depth"].write("/kinect/depth_image", SimStamp(depth.t_ns),
-                                  ToDepthMsg(depth, "16UC1", "rgbd_depth_camera"));
+      bags_.at("kinect_depth")
+          .Write("/kinect/depth_image", SimStamp(depth.t_ns), ToDepthMsg(depth, "16UC1", "rgbd_depth_camera"));
     }
     for (const auto& frame : chunk.frames) {
-      bags_["left_camera"].write("/camera/left/image_mono", SimStamp(frame.t_ns),
-                                 ToFrameMsg(frame, "left_regular_camera"));
+      bags_.at("left_camera")
+          .Write("/camera/left/image_mono", SimStamp(frame.t_ns), ToFrameMsg(frame, "left_regular_camera"));
     }
     for (const auto& sample : chunk.imu) {
-      bags_["imu"].write("/imu/data", SimStamp(sample.t_ns), ToImuMsg(sample, "imu"));
+      bags_.at("imu").Write("/imu/data", SimStamp(sample.t_ns), ToImuMsg(sample, "imu"));
     }
     for (const auto& scan : chunk.scans) {
-      bags_["lidar"].write("/ouster/point_cloud", SimStamp(scan.t_ns),
-                           ToPointCloudMsg(scan, "lidar", PointLayout::kOuster));
+      bags_.at("lidar").Write("/ouster/point_cloud", SimStamp(scan.t_ns),
+                              ToPointCloudMsg(scan, "lidar", PointLayout::kOuster));
     }
     for (const auto& pose : chunk.poses) {
-      bags_["gt"].write("/gt/pose", SimStamp(pose.t_ns),
-                        ToPoseMsg(pose.t_ns, pose.T_world_event * T_body_event_.inverse(), "world"));
+      bags_.at("gt").Write("/gt/pose", SimStamp(pose.t_ns),
+                           ToPoseMsg(pose.t_ns, pose.T_world_event * T_body_event_.inverse(), "world"));
     }
   }
 
   void Close() override {
-    for (auto& bag : bags_) bag.second.close();
+    for (auto& bag : bags_) bag.second.Close();
   }
 
  private:
   void Open(const std::string& what) {
     const std::string path = stem_ + ".synced." + what + ".bag";
-    OpenSimBag(path, rosbag::compression::BZ2, &bags_[what]);
+    bags_[what].Open(path, rosbag::compression::BZ2);
     files_.push_back(path);
   }
 
@@ -370,7 +370,7 @@ class VectorWriter : public SimBagWriter {
 
   const sim::Sequence& sequence_;
   std::string stem_;
-  std::map<std::string, rosbag::Bag> bags_;
+  std::map<std::string, SimBag> bags_;
   /// Markers of the motion capture sit on a frame of their own above the cameras.
   const Rigid3 T_body_event_ = Rigid3(ExpSO3({0.1, 2.6, -0.2}), {0.063, -0.028, 0.070});
 };

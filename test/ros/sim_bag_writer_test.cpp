@@ -253,6 +253,50 @@ TEST(SimBagWriter, WritesTheSameBytesForTheSameSeedInEveryDialect) {
   }
 }
 
+TEST(SimBagWriter, GivesBagsOfEveryDialectTheirNamesOnceTheyAreComplete) {
+  const auto exists = [](const std::string& path) { return std::ifstream(path).good(); };
+  for (const BagDialect dialect : {BagDialect::kPlain, BagDialect::kMvsec, BagDialect::kVector}) {
+    sim::SequenceOptions options = Short("davis240");
+    options.duration_s = 0.03;
+    options.frames = options.lidar = false;
+    if (dialect == BagDialect::kMvsec) options.depth = sim::SequenceOptions::Depth::kRegistered;
+    sim::Sequence sequence(options);
+    const std::string stem = Folder() + "/complete" + std::to_string(static_cast<int>(dialect)) + "_bag";
+    for (const char* end : {".bag", "_data.bag", ".synced.gt.bag"}) std::ofstream(stem + end) << "of a run before";
+    const auto writer = SimBagWriter::Create(dialect, stem, sequence);
+    for (sim::Chunk chunk; sequence.Next(&chunk);) writer->Write(chunk);
+    std::vector<std::string> bags;
+    for (const std::string& file : writer->files()) {
+      if (file.size() > 4 && file.compare(file.size() - 4, 4, ".bag") == 0) bags.push_back(file);
+    }
+    ASSERT_FALSE(bags.empty());
+    for (const std::string& bag : bags) {
+      EXPECT_FALSE(exists(bag)) << bag;
+      EXPECT_TRUE(exists(bag + ".active")) << bag;
+    }
+    writer->Close();
+    for (const std::string& bag : bags) {
+      EXPECT_FALSE(exists(bag + ".active")) << bag;
+      EXPECT_FALSE(TypesIn(bag).empty()) << bag;
+    }
+  }
+}
+
+TEST(SimBagWriter, NamesTheBagForWhichTheDiskHasNoRoom) {
+  sim::Sequence sequence(Short("davis240"));
+  const std::string stem = Folder() + "/full";
+  ASSERT_EQ(symlink("/dev/full", (stem + ".bag.active").c_str()), 0);
+  try {
+    const auto writer = SimBagWriter::Create(BagDialect::kPlain, stem, sequence);
+    for (sim::Chunk chunk; sequence.Next(&chunk);) writer->Write(chunk);
+    writer->Close();
+    FAIL();
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("bag '" + stem + ".bag.active' cannot be written"), std::string::npos)
+        << e.what();
+  }
+}
+
 TEST(SimBagWriter, NamesTheFileThatItCannotWriteAndTheDialectThatItDoesNotKnow) {
   sim::Sequence sequence(Short("davis240"));
   try {

@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
 // What all programs say of their options, right and wrong ones.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -67,6 +74,22 @@ TEST(CommandLine, TellsWhichNumbersAnOptionTakes) {
 TEST(CommandLine, TakesNegativeNumbersAndValuesBehindAnEqualsSign) {
   // The scene is looked for after all options are read.
   ExpectRefused("devo_simulate", "--depth-offset -0.006 --depth-rate=15 --scene=none.yaml", "none.yaml");
+}
+
+TEST(CommandLine, OfASimulationForWhichTheDiskHasNoRoomNamesTheBag) {
+  const std::string stem = ::testing::TempDir() + "command_line_test_" + std::to_string(getpid());
+  // As a full disk: the bag may grow to 64 KiB, and a write beyond that fails.
+  const int status = std::system(("bash -c \"trap '' XFSZ; ulimit -c 0 -f 64; exec " DEVO_BIN_DIR
+                                  "/devo_simulate --sensor davis240 --duration 0.2 --rest 0 --quiet --out " +
+                                  stem + "\" > /dev/null 2> " + stem + ".err")
+                                     .c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 2);
+  std::stringstream err;
+  err << std::ifstream(stem + ".err").rdbuf();
+  EXPECT_THAT(err.str(), StartsWith("devo_simulate: bag '" + stem + ".bag.active' cannot be written: "));
+  EXPECT_FALSE(std::ifstream(stem + ".bag").good());
+  for (const char* end : {".bag.active", ".yaml", ".err"}) std::remove((stem + end).c_str());
 }
 
 }  // namespace

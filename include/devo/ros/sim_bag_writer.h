@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <geometry_msgs/PoseStamped.h>
+#include <rosbag/bag.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
@@ -48,16 +49,44 @@ sim::SequenceOptions RightCameraOf(const sim::SequenceOptions& left);
 /// plain, mvsec or vector; else std::invalid_argument naming it.
 BagDialect BagDialectOf(const std::string& name);
 
-/// Writes a sequence as bags and calibration files.
+/// A bag that has its name once it is complete; until then it is PATH.active, as rosbag record has it. What cannot be
+/// written, as on a full disk, is thrown as std::runtime_error naming the file.
+class SimBag {
+ public:
+  /// Once, before all else; removes what has the name.
+  void Open(const std::string& path, rosbag::CompressionType compression);
+  template <typename Message>
+  void Write(const std::string& topic, const ros::Time& time, const Message& message) {
+    try {
+      bag_->write(topic, time, message);
+    } catch (const rosbag::BagException& e) {
+      ThrowCannotBeWritten(e.what());
+    }
+  }
+  void Close();
+
+ private:
+  /// rosbag::Bag closes in its destructor, where throwing ends the program.
+  struct CloseOrLeak {
+    void operator()(rosbag::Bag* bag) const noexcept;
+  };
+  std::string ActivePath() const { return path_ + ".active"; }
+  [[noreturn]] void ThrowCannotBeWritten(const std::string& reason) const;
+
+  std::string path_;
+  std::unique_ptr<rosbag::Bag, CloseOrLeak> bag_;
+};
+
+/// Writes a sequence as bags and calibration files. Throws std::runtime_error naming the file that cannot be written.
 class SimBagWriter {
  public:
   virtual ~SimBagWriter() = default;
   virtual void Write(const sim::Chunk& chunk) = 0;
   /// The same time as the right camera of a stereo pair sees it; only after Create with `right`.
   virtual void WriteRight(const sim::Chunk& chunk);
-  /// Completes the files. Without it bags have no index.
+  /// Completes the files, once, after all else. Until then the bags have .active behind their names.
   virtual void Close() = 0;
-  /// Files written, for telling the user.
+  /// Files that are there after Close, for telling the user.
   const std::vector<std::string>& files() const { return files_; }
 
   /// `stem`: path without extension; its directory must exist, else std::runtime_error naming it. `right`: a second

@@ -8,6 +8,8 @@
 Images and their calibrations, depth included, keep their rate: of a faster recording some are left out. An IMU's rates
 grow with the speed and its accelerations with the square, noise included; gravity does not. This takes the orientation
 from the ground truth (--ground-truth), which must be that of the IMU's frame; without it, the IMU is left out.
+Messages without a header, such as /tf_static's or texts, stay as they are and keep their place in the recording; those
+that hold stamps within, such as /tf's, are left out and their topics named.
 The recording's events must be EventArrays.
 """
 import sys
@@ -17,7 +19,7 @@ import rosbag
 import rospy
 
 import new_recording
-from raw_message import Message
+from raw_message import Message, begins_with_header, holds_stamps, name_left_out, new_bag
 
 
 class Imu:
@@ -26,7 +28,7 @@ class Imu:
     def __init__(self, bag, topic, ground_truth, speed):
         self.speed, self.index = speed, 0
         samples = [m for _, m, _ in bag.read_messages(topics=[topic])]
-        poses = [m for _, m, _ in bag.read_messages(topics=[ground_truth])]
+        poses = sorted((m for _, m, _ in bag.read_messages(topics=[ground_truth])), key=lambda m: m.header.stamp)
         self.known = len(samples) > 0 and len(poses) > 2
         if not self.known:
             return
@@ -35,8 +37,7 @@ class Imu:
         t_pose = np.array([m.header.stamp.to_sec() for m in poses])
         q = np.array([[getattr(m.pose.orientation, k) for k in 'xyzw'] for m in poses])
         p = np.array([[getattr(m.pose.position, k) for k in 'xyz'] for m in poses])
-        nearest = np.abs(t[:, None] - t_pose[None, :]).argmin(axis=1)
-        self.R_imu_world = np.array([rotation(*row).T for row in q])[nearest]
+        self.R_imu_world = np.array([rotation(*row).T for row in q])[nearest(t, t_pose)]
         # What is left of the mean force is gravity, once the change of velocity is taken out.
         velocity = np.diff(p[[0, 1, -2, -1]], axis=0)[[0, 2]] / np.diff(t_pose[[0, 1, -2, -1]])[[0, 2], None]
         mean = np.einsum('nji,nj->ni', self.R_imu_world, force).mean(axis=0)
@@ -49,6 +50,12 @@ class Imu:
             acceleration = getattr(sample.linear_acceleration, k) + gravity[i]
             setattr(sample.linear_acceleration, k, self.speed**2 * acceleration - gravity[i])
             setattr(sample.angular_velocity, k, self.speed * getattr(sample.angular_velocity, k))
+
+
+def nearest(t, sorted_t):
+    """Indices of the nearest in `sorted_t`, of two as near that of the earlier one."""
+    after = np.searchsorted(sorted_t, t).clip(1, len(sorted_t) - 1)
+    return after - (t - sorted_t[after - 1] <= sorted_t[after] - t)
 
 
 def rotation(x, y, z, w):
@@ -80,12 +87,16 @@ def periods_s(bag):
 
 
 def write(source, target, clock, imu_topic, imu):
-    period_s, last_s = periods_s(source), {}
+    """Returns the topics that are left out for what their messages hold."""
+    period_s, last_s, left_out = periods_s(source), {}, set()
     for topic, raw, t in source.read_messages(raw=True):
         datatype, data, md5, position, pytype = raw
         t = rospy.Time(*map(int, clock.changed(t.secs, t.nsecs)))
-        if datatype == 'tf2_msgs/TFMessage':
-            target.write(topic, raw, t, raw=True)
+        if not begins_with_header(pytype):
+            if topic == '/tf_static' or not holds_stamps(pytype):
+                target.write(topic, raw, t, raw=True)
+            else:
+                left_out.add(topic)
             continue
         # A message may be recorded a little sooner or later than its period says.
         if t.to_sec() - last_s.get(topic, 0) < 0.7 * period_s.get(topic, 0) or (topic == imu_topic and not imu.known):
@@ -101,6 +112,7 @@ def write(source, target, clock, imu_topic, imu):
             target.write(topic, sample, t)
         else:
             target.write(topic, (datatype, bytes(message.bytes), md5, position, pytype), t, raw=True)
+    return left_out
 
 
 def main():
@@ -120,8 +132,9 @@ def main():
         if arguments.imu in topics and not imu.known:
             print(f"no poses on '{arguments.ground_truth}': '{arguments.imu}' is left out", file=sys.stderr)
         begin_ns = int(round(1e9 * source.get_start_time()))
-        with rosbag.Bag(arguments.target, 'w', compression='lz4') as target:
-            write(source, target, Clock(begin_ns, arguments.speed), arguments.imu, imu)
+        with new_bag(arguments.target) as target:
+            left_out = write(source, target, Clock(begin_ns, arguments.speed), arguments.imu, imu)
+    name_left_out(left_out, 'whose messages hold stamps but have no header')
 
 
 if __name__ == '__main__':

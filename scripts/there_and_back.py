@@ -7,8 +7,9 @@ real one of any length, whose drift shows, as it sees the same again and again.
     scripts/there_and_back.py seq1.bag seq1_back.bag --legs 1 --begin-with-back
     rosrun devo devo_offline --config rig.yaml --bag seq1_x8.bag --out results
 
-On the way back events come in the other order and with the other polarity. An IMU is left out: its bias would change its
-sign at each turn. The recording's events must be EventArrays.
+On the way back events come in the other order and with the other polarity. An IMU is left out: its bias would change
+its sign at each turn. So are topics whose messages have no header (/tf, texts), which are named: nothing says when they
+are due on the way back. /tf_static is written once. The recording's events must be EventArrays.
 """
 import sys
 
@@ -16,20 +17,22 @@ import rosbag
 import rospy
 
 import new_recording
-from raw_message import Message
+from raw_message import Message, begins_with_header, name_left_out, new_bag
 
 
 def load(bag):
-    """All messages with a header, and how to write each topic; those of /tf_static apart."""
-    messages, static, kinds = [], [], {}
+    """All messages with a header, and how to write each topic; those of /tf_static apart. Names what has none."""
+    messages, static, kinds, without_header = [], [], {}, set()
     for topic, raw, t in bag.read_messages(raw=True):
         datatype, data, md5, position, pytype = raw
-        if datatype == 'tf2_msgs/TFMessage':
-            if topic == '/tf_static':
-                static.append((topic, raw))
+        if topic == '/tf_static':
+            static.append((topic, raw))
+        elif not begins_with_header(pytype):
+            without_header.add(topic)
         elif datatype != 'sensor_msgs/Imu':
             messages.append(Message(t.to_nsec(), topic, datatype, data))
             kinds[topic] = (datatype, md5, position, pytype)
+    name_left_out(without_header, 'whose messages have no header')
     return messages, static, kinds
 
 
@@ -75,7 +78,7 @@ def main():
         messages, static, kinds = load(source)
     new_recording.expect_events(any(len(message.events) for message in messages), arguments.source)
     first = 1 if arguments.begin_with_back else 0
-    with rosbag.Bag(arguments.target, 'w', compression='lz4') as target:
+    with new_bag(arguments.target) as target:
         write(messages, static, kinds, range(first, first + arguments.legs), target)
 
 

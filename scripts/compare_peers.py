@@ -7,15 +7,14 @@
 
 Each error is that of the peer's poses, and behind the stroke that of devo_offline at the same times, so that a few poses
 are compared with as few. CPU is seconds per second of data: of devo_offline the whole program's, reading included, of a
-peer its odometry's alone, to which the milliseconds per image belong.
+peer its odometry's alone, to which the milliseconds per image belong. Where no recording has such a name and its bags in
+DIR, the exit status is 2.
 """
 import argparse
 import json
 import os
-import shutil
 import subprocess
 import sys
-import tempfile
 
 import evaluate_recordings
 
@@ -71,15 +70,13 @@ def main():
     programs = {name: evaluate_recordings.find_program(arguments.programs and os.path.join(arguments.programs, name), name)
                 for name in ('devo_offline', 'devo_rgbd_baseline')}
     recordings = evaluate_recordings.select(arguments.data, [arguments.recordings], arguments.only)
-    out = arguments.out or tempfile.mkdtemp(prefix='devo_peers_')
     columns = ['recording', 'depth Hz'] + [f'{peer} / devo: ATE cm' for peer in PEERS]
     columns += [f'{peer}: CPU s/s' for peer in PEERS] + ['devo: CPU s/s']
     print('| ' + ' | '.join(columns) + ' |\n|' + '---|' * len(columns), flush=True)
-    failures = [compare(programs, arguments.data, out, recording, f'{rate:g}')
-                for recording in recordings for rate in arguments.depth_rate]
+    with evaluate_recordings.results_folder(arguments.out) as out:
+        failures = [compare(programs, arguments.data, out, recording, f'{rate:g}')
+                    for recording in recordings for rate in arguments.depth_rate]
     failures = [failure for failure in failures if failure]
-    if not arguments.out:
-        shutil.rmtree(out)
     if failures:
         sys.exit('\n'.join(failures))
 

@@ -13,13 +13,15 @@
 
 The table of recordings has one line each: name, configurations (comma-separated, relative to the repository) and bags
 (comma-separated, relative to --data). A variant is a name and arguments that are added to devo_offline's; without any,
-the defaults are run. Lines of recordings whose bags are missing are skipped and said so. With --summary there is one row
-per depth rate and variant: for the recordings whose names contain each word, the geometric mean of the ATE and the worst.
-With --wide there is one row per recording, with the ATE of each variant and depth rate, and more of the first of these.
+the defaults are run. Lines of recordings whose bags are missing are skipped and said so; where none is left, the
+exit status is 2. With --summary there is one row per depth rate and variant: for the recordings whose names contain each
+word, the geometric mean of the ATE and the worst. With --wide there is one row per recording, with the ATE of each variant
+and depth rate, and more of the first of these.
 """
 import argparse
 import collections
 import concurrent.futures
+import contextlib
 import json
 import math
 import os
@@ -59,7 +61,7 @@ def find_program(given, name='devo_offline'):
 
 
 def select(data, tables, words):
-    """Recordings of the tables whose names contain one of the words and whose bags are there."""
+    """Recordings of the tables whose names contain one of the words and whose bags are there, at least one."""
     recordings = []
     for recording in [recording for table in tables for recording in read_table(table)]:
         if not any(word in recording[0] for word in words):
@@ -69,7 +71,21 @@ def select(data, tables, words):
             print(f'skipped: {recording[0]} ({", ".join(missing)} is not in {data})', file=sys.stderr)
         else:
             recordings.append(recording)
+    if not recordings:
+        asked = ' whose name contains ' + ' or '.join(f"'{word}'" for word in words) if any(words) else ''
+        print(f'no recording: expected one of {", ".join(tables)}{asked}, its bags in {data}', file=sys.stderr)
+        sys.exit(2)
     return recordings
+
+
+@contextlib.contextmanager
+def results_folder(given):
+    """The folder that is given, or a temporary one, which goes away however the script ends."""
+    if given:
+        yield given
+        return
+    with tempfile.TemporaryDirectory(prefix='devo_evaluation_') as folder:
+        yield folder
 
 
 def run(program, data, out, job):
@@ -234,7 +250,6 @@ def main():
     if arguments.wide:  # the rates of a variant side by side
         cases = [(rate, variant) for variant in variants for rate in arguments.depth_rate]
     recordings = select(arguments.data, arguments.recordings, arguments.only)
-    out = arguments.out or tempfile.mkdtemp(prefix='devo_evaluation_')
     jobs = [(recording, *case) for recording in recordings for case in cases]
     failed = 0
 
@@ -244,13 +259,11 @@ def main():
             failed += result[1] != 0
             yield result
 
-    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
+    with results_folder(arguments.out) as out, concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         results = counted(pool.map(lambda job: run(program, arguments.data, out, job), jobs))
         table = summary(results, arguments.summary) if arguments.summary else wide(results) if arguments.wide else full(results)
         for line in table:
             print(line, flush=True)
-    if not arguments.out:
-        shutil.rmtree(out)
     if failed:
         sys.exit(f'{failed} of {len(jobs)} runs failed')
 

@@ -4,7 +4,7 @@
 texture, crowded or next to empty, seen from near or far. Speed, light and cameras are drawn, too.
 
     scripts/simulate_scenes.py DIR --count 24 --seed 1    (15 min on two cores; what is there is kept)
-    scripts/simulate_scenes.py DIR --count 24 --seed 1 --people 1    (the same ones, with somebody who walks about)
+    scripts/simulate_scenes.py DIR --count 24 --seed 1 --people 1    (the same, s701p1_..., with somebody who walks about)
     scripts/evaluate_recordings.py --data DIR --recordings DIR/scenes.txt --depth-rate all 5 1
 """
 import math
@@ -116,11 +116,12 @@ def recordings(directory, count, seed, people):
     """Pairs of a name and the arguments of devo_simulate; writes their scenes."""
     draw = random.Random(seed)
     first = FIRST_SEED + 100 * (seed - 1)
+    with_people = f'p{people}' if people else ''
     for own_seed in range(first, first + count):
         scene = SceneDraw(random.Random(own_seed))
         speed, light = draw.choice(['slow', 'mid', 'fast']), draw.choice(['bright', 'darkish', 'dim', 'dark', 'hdr'])
         sensor = draw.choices(['gen3', 'davis346', 'davis240'], [5, 5, 3])[0]
-        name = f's{own_seed}_{speed}_{light}_{sensor}'
+        name = f's{own_seed}{with_people}_{speed}_{light}_{sensor}'
         path = os.path.join(directory, name + '_scene.yaml')
         with open(path, 'w') as file:
             yaml.safe_dump(scene.file(people), file, default_flow_style=None)

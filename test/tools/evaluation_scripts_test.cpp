@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -13,11 +14,12 @@ namespace devo {
 namespace {
 
 /// The script that makes the tables of docs/results.md, with a devo_offline whose reports are known: an ATE of 1 mm,
-/// times 4 with `--set worse=1` and 2 at another depth rate than all; `b` is lost twice at such a rate.
+/// times 4 with `--set worse=1` and 2 at another depth rate than all; `b` is lost twice at such a rate. With
+/// `--set interrupt=1` it interrupts the script.
 class EvaluateRecordings : public ::testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_EQ(std::system(("mkdir -p " + folder_).c_str()), 0);
+    ASSERT_EQ(std::system(("mkdir -p " + folder_ + "/temporary").c_str()), 0);
     std::ofstream(folder_ + "/devo_offline") << R"(#!/bin/sh
 ate=0.001 lost= name=a
 case "$*" in *b.bag*) name=b;; esac
@@ -41,15 +43,28 @@ END
 
   /// Lines of the table, of a script that ends with this status.
   std::vector<std::string> Table(const std::string& arguments, int status = 0) const {
-    const std::string command = DEVO_SOURCE_DIR "/scripts/evaluate_recordings.py --data " + folder_ + " --recordings " +
-                                folder_ + "/table.txt --devo-offline " + folder_ + "/devo_offline " + arguments +
-                                " > " + folder_ + "/out 2> " + folder_ + "/error";
-    EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), status);
+    const int ended = Run("evaluate_recordings.py", "--devo-offline " + folder_ + "/devo_offline " + arguments);
+    EXPECT_TRUE(WIFEXITED(ended) && WEXITSTATUS(ended) == status);
+    return Lines("out");
+  }
+  /// As std::system() says how it ended.
+  int Run(const std::string& script, const std::string& arguments) const {
+    const std::string command = "TMPDIR=" + folder_ + "/temporary " DEVO_SOURCE_DIR "/scripts/" + script + " --data " +
+                                folder_ + " --recordings " + folder_ + "/table.txt " + arguments + " > " + folder_ +
+                                "/out 2> " + folder_ + "/error";
+    return std::system(command.c_str());
+  }
+  std::vector<std::string> Lines(const std::string& name) const {
     std::vector<std::string> lines;
-    std::ifstream file(folder_ + "/out");
+    std::ifstream file(folder_ + "/" + name);
     for (std::string line; std::getline(file, line);) lines.push_back(line);
     return lines;
   }
+  std::string LastError() const {
+    const auto lines = Lines("error");
+    return lines.empty() ? "" : lines.back();
+  }
+  const std::string& folder() const { return folder_; }
 
  private:
   std::string folder_ = ::testing::TempDir() + "evaluation_scripts_test_" + std::to_string(getpid());
@@ -85,6 +100,28 @@ TEST_F(EvaluateRecordings, SaysWhatFailedAndGoesOnWithTheRest) {
   ASSERT_EQ(lines.size(), 6U);
   EXPECT_EQ(lines[2].find("| a | all | bad | failed: devo_offline: unknown key |"), 0U) << lines[2];
   EXPECT_EQ(lines[3].find("| a | all | plain | 0.10 |"), 0U) << lines[3];
+}
+
+TEST_F(EvaluateRecordings, SaysWhatWasAskedForWhereNoRecordingIsThere) {
+  EXPECT_TRUE(Table("--only desk", 2).empty());
+  const std::string expected = "no recording: expected one of " + folder() + "/table.txt";
+  EXPECT_EQ(LastError(), expected + " whose name contains 'desk', its bags in " + folder());
+  for (const char* name : {"/a.bag", "/b.bag"}) std::filesystem::remove(folder() + name);
+  EXPECT_TRUE(Table("", 2).empty());
+  EXPECT_EQ(LastError(), expected + ", its bags in " + folder());
+}
+
+TEST_F(EvaluateRecordings, OfPeersSaysWhatWasAskedForWhereNoRecordingIsThere) {
+  std::filesystem::copy(folder() + "/devo_offline", folder() + "/devo_rgbd_baseline");
+  const int ended = Run("compare_peers.py", "--programs " + folder());
+  EXPECT_TRUE(WIFEXITED(ended) && WEXITSTATUS(ended) == 2);
+  EXPECT_EQ(LastError(), "no recording: expected one of " + folder() + "/table.txt whose name contains 'noisy'" +
+                             ", its bags in " + folder());
+}
+
+TEST_F(EvaluateRecordings, KeepsNoResultsOfItsOwn) {
+  Table("");
+  EXPECT_TRUE(std::filesystem::is_empty(folder() + "/temporary"));
 }
 
 }  // namespace

@@ -138,6 +138,17 @@ TEST_F(SimulationScript, OfScenesDrawsRoomsInWhichNothingIsWhereTheCameraMoves) 
   }
 }
 
+TEST_F(SimulationScript, OfScenesNamesRoomsWithPeopleOtherwiseThanWithout) {
+  Run("simulate_scenes.py", "--count 2");
+  const auto empty = Lines("scenes.txt"), scene = Lines(Columns(empty.at(0)).at(0) + "_scene.yaml");
+  Run("simulate_scenes.py", "--count 2 --people 1");
+  const auto peopled = Lines("scenes.txt");
+  ASSERT_EQ(peopled.size(), 2U);
+  EXPECT_EQ(Lines("asked").size(), 4U) << "none is taken for one that is there";
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_NE(Columns(peopled[i]).at(0), Columns(empty[i]).at(0));
+  EXPECT_EQ(Lines(Columns(empty[0]).at(0) + "_scene.yaml"), scene);
+}
+
 TEST_F(SimulationScript, OfToursWalksRoundTheRoomPastItsFurnitureAndComesByTheBeginningAgain) {
   Run("simulate_tours.py", "--count 2");
   const auto table = Lines("tours.txt");

@@ -26,7 +26,7 @@ std::string VectorFolder() {
 
 TEST(VectorCalibration, IsReadAsPublished) {
   const std::string folder = VectorFolder();
-  if (folder.empty()) return;
+  if (folder.empty()) GTEST_SKIP() << MissingSharedData("vector_calibration");
   const DatasetCalibration calibration = ReadVectorCalibration(folder);
   EXPECT_EQ(calibration.event_camera.width(), 640);
   EXPECT_NEAR(calibration.event_camera.fx(), 327.32749, 1e-9);
@@ -39,7 +39,7 @@ TEST(VectorCalibration, IsReadAsPublished) {
 
 TEST(VectorCalibration, ChainsTheExtrinsicsFromTheDepthToTheEventCamera) {
   const std::string folder = VectorFolder();
-  if (folder.empty()) return;
+  if (folder.empty()) GTEST_SKIP() << MissingSharedData("vector_calibration");
   const Rigid3 T = *ReadVectorCalibration(folder).T_event_depth;
   // The Kinect's depth camera looks down by 5.5 deg against its colour camera, and the colour camera by another 1.9
   // against the event camera; it sits 8.6 cm to the right. Worked out by hand from the published matrices.
@@ -51,7 +51,7 @@ TEST(VectorCalibration, ChainsTheExtrinsicsFromTheDepthToTheEventCamera) {
 
 TEST(VectorCalibration, FillsARigUnlessTheYamlGivesMore) {
   const std::string folder = VectorFolder();
-  if (folder.empty()) return;
+  if (folder.empty()) GTEST_SKIP() << MissingSharedData("vector_calibration");
   const std::string config = std::string(DEVO_SOURCE_DIR) + "/config/vector.yaml";
   const RigConfig rig = LoadRigConfig({config}, {"calibration.path=" + folder});
   ASSERT_TRUE(rig.event_camera && rig.depth_camera && rig.T_event_depth && rig.T_body_event);
@@ -63,7 +63,7 @@ TEST(VectorCalibration, FillsARigUnlessTheYamlGivesMore) {
 
 TEST(VectorCalibration, PlacesTheLidarThroughTheLeftRegularCamera) {
   const std::string folder = VectorFolder();
-  if (folder.empty()) return;
+  if (folder.empty()) GTEST_SKIP() << MissingSharedData("vector_calibration");
   const std::string own = ::testing::TempDir() + "vector_calibration_test";
   ASSERT_EQ(std::system(("rm -rf " + own + " && mkdir " + own + " && cp " + folder + "/*.yaml " + own).c_str()), 0);
   EXPECT_FALSE(ReadVectorCalibration(own).T_event_lidar);
@@ -92,7 +92,7 @@ cam1:
 
 TEST(VectorCalibration, PlacesTheImuThroughTheLeftRegularCameraOfEitherScale) {
   const std::string folder = VectorFolder();
-  if (folder.empty()) return;
+  if (folder.empty()) GTEST_SKIP() << MissingSharedData("vector_calibration");
   const std::string own = ::testing::TempDir() + "vector_imu_test";
   ASSERT_EQ(std::system(("rm -rf " + own + " && mkdir " + own + " && cp " + folder + "/*.yaml " + own + " && rm -f " +
                          own + "/*imu*")

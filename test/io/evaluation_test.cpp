@@ -165,7 +165,7 @@ TEST(AlignPoints, NeverReflects) {
 
 TEST(Evaluation, AgreesWithOtherToolsOnAPublishedTrajectory) {
   const std::string truth = SharedData("trajectories/freiburg1_xyz-groundtruth.txt");
-  if (truth.empty()) return;
+  if (truth.empty()) GTEST_SKIP() << MissingSharedData("trajectories/freiburg1_xyz-groundtruth.txt");
   const Evaluation e = Evaluate(ReadTum(truth), ReadTum(SharedData("trajectories/freiburg1_xyz-rgbdslam.txt")));
   // evo 0.013470 m (785 pairs), TUM 0.013473 m, RPE 0.934 deg and 2.15 cm; they take the nearest pose of the truth.
   EXPECT_EQ(e.pairs, 785U);

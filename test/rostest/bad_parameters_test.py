@@ -3,6 +3,7 @@
 """A wrong parameter stops its nodelet with the key named, and leaves the manager alive. A missing input is named."""
 
 import os
+import shutil
 import subprocess
 import tempfile
 import time
@@ -37,6 +38,7 @@ class BadParametersTest(unittest.TestCase):
             loader.terminate()
         for loader in cls.loaders:
             loader.wait()
+        shutil.rmtree(cls.folder, ignore_errors=True)
 
     @classmethod
     def on_diagnostics(cls, message):

@@ -3,6 +3,7 @@
 """live.launch on what the drivers of a live rig publish, in wall time, once per event camera's driver; frames of a robot."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -62,6 +63,10 @@ class LiveTest(unittest.TestCase):
         cls.extrinsics = os.path.join(cls.folder, "extrinsics.yaml")
         with open(cls.extrinsics, "w") as out:
             yaml.safe_dump({"T_event_depth": rig["T_event_depth"]}, out)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder, ignore_errors=True)
 
     def run_live(self, driver, arguments, overrides="", extrinsics="", **of_sensors):
         """What the nodelets published, and by how much its stamps are ahead of the recording's."""

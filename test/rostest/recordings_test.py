@@ -5,6 +5,7 @@ in the data sets' own dialects, and those of ../shared/data where that folder is
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -31,6 +32,10 @@ class RecordingsTest(unittest.TestCase):
     def setUpClass(cls):
         rospy.init_node("recordings_test")
         cls.folder = tempfile.mkdtemp(prefix="devo_recordings_")
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder, ignore_errors=True)
 
     def offline(self, name, config, bags, overrides):
         out = os.path.join(self.folder, name + "_offline")

@@ -4,6 +4,7 @@
 
 import math
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -36,6 +37,10 @@ class ReplayTest(unittest.TestCase):
         cls.saved_map = rospy.ServiceProxy("/devo/mapping/save_map", Trigger)()
         cls.offline = run_offline(config, bag, cls.folder)
         cls.offline_error = evaluate(cls.groundtruth, cls.offline)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder, ignore_errors=True)
 
     def poses_of_epoch(self, epoch):
         poses = self.record.odometry_of_epoch(epoch)

@@ -62,6 +62,7 @@ class RvizTest(unittest.TestCase):
         print("%d pixels of the trajectory and %d of the cloud in %s" % (best[0], best[1], screen))
         self.assertGreater(best[0], 50)
         self.assertGreater(best[1], 50)
+        shutil.rmtree(folder)  # where it fails, what was on the screen is kept
 
 
 if __name__ == "__main__":

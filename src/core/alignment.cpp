@@ -42,7 +42,7 @@ void PreparePoints(const std::vector<MapPoint>& points, const Surface& surface, 
   prepared->reserve(points.size());
   for (const MapPoint& point : points) {
     const Eigen::Vector3f p = R * point.p_ref + t;
-    if (p.z() < 0.05F) continue;
+    if (p.z() < kNearest_m) continue;
     const Eigen::Vector2f u(static_cast<float>(camera.fx()) * p.x() / p.z() + static_cast<float>(camera.cx()),
                             static_cast<float>(camera.fy()) * p.y() / p.z() + static_cast<float>(camera.cy()));
     if (!camera.Contains(u.cast<double>(), 2)) continue;

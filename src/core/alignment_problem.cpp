@@ -15,8 +15,6 @@
 namespace devo {
 namespace {
 
-constexpr float kMinDepth_m = 0.05F;
-
 /// Square root of Huber's loss, its sign that of `r`, and its derivative: half its square is the cost, so that a solver
 /// of plain least squares minimises the robust one (ceres: "corrector" of first order).
 struct RobustRoot {
@@ -117,7 +115,7 @@ void AlignmentProblem::Project(const Eigen::Matrix3f& R, const Eigen::Vector3f& 
     View& view = views[k];
     const Eigen::Vector3f p = R * points[k].p_ref + t;
     view.p_event = p;
-    view.in_front = p.z() > kMinDepth_m;
+    view.in_front = p.z() > kNearest_m;
     if (!view.in_front) continue;
     view.u = fx * p.x() / p.z() + cx;
     view.v = fy * p.y() / p.z() + cy;

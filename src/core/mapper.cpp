@@ -96,6 +96,7 @@ void Mapper::Reset() {
 void Mapper::SetOptions(const OdometryOptions& options) {
   options_ = options;
   registration_.SetOptions(options.mapping);
+  lidar_.SetOptions(options.mapping);
   map_.SetOptions(options.mapping);
   depth_keyframes_.SetOptions(options.mapping);
   options_changed_ = true;

@@ -9,14 +9,6 @@
 namespace devo {
 namespace {
 
-/// "a|b|c" -> {"a", "b", "c"}.
-std::vector<std::string> SplitChoices(const std::string& choices) {
-  std::vector<std::string> names;
-  std::istringstream stream(choices);
-  for (std::string name; std::getline(stream, name, '|');) names.push_back(name);
-  return names;
-}
-
 struct Validator {
   template <typename Number>
   void operator()(const char* key, Number value, Number min, Number max, const char* /*meaning*/) const {
@@ -48,6 +40,13 @@ void ExpectNotAbove(const char* low_key, double low, const char* high_key, doubl
 }
 
 }  // namespace
+
+std::vector<std::string> SplitChoices(const std::string& choices) {
+  std::vector<std::string> names;
+  std::istringstream stream(choices);
+  for (std::string name; std::getline(stream, name, '|');) names.push_back(name);
+  return names;
+}
 
 void Validate(const OdometryOptions& options) {
   VisitOptions(options, Validator{});

@@ -18,7 +18,6 @@ namespace devo {
 namespace {
 
 constexpr int kExplainRadius_px = 2;
-constexpr float kMinDepth_m = 0.05F;
 // A point this share (and constant) behind what the depth camera saw is hidden.
 constexpr float kHiddenShare = 0.04F, kHidden_m = 0.03F;
 // A point is judged after this much expectation, and dropped below this share of fulfilment.
@@ -37,7 +36,7 @@ bool SamePose(const Rigid3& a, const Rigid3& b) {
 
 /// Whether something is nearer than a point `z` metres away at the pixel u, v of the occluder's view.
 bool Hides(const ReferenceMap::Occluder& occluder, float u, float v, float z) {
-  if (!(z > kMinDepth_m)) return false;
+  if (!(z > kNearest_m)) return false;
   const auto cell_px = static_cast<float>(occluder.cell_px);
   const int column = static_cast<int>(u / cell_px), row = static_cast<int>(v / cell_px);
   const cv::Mat1f& depth_m = occluder.nearest_depth_m;
@@ -208,7 +207,7 @@ std::vector<ReferenceMap::Visible> ReferenceMap::Project(const Rigid3& T_world_e
     for (std::size_t i = 0; i < reference.points.size(); ++i) {
       const MapPoint& point = reference.points[i];
       const Eigen::Vector3f p = R * point.p_ref + t;
-      if (p.z() < kMinDepth_m) continue;
+      if (p.z() < kNearest_m) continue;
       const float u = fx * p.x() / p.z() + cx, v = fy * p.y() / p.z() + cy;
       if (!(u >= 2 && v >= 2 && u <= max_u && v <= max_v)) continue;
       if (apart) {

@@ -130,7 +130,7 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
   options.tracking.ideas.fine_alignment = false;
   PosePrior start;
   start.T_event_ref = T_world_event.inverse() * map->T_world_ref;
-  start.sqrt_information = 1e-3 * Matrix6d::Identity();
+  start.sqrt_information = kNoPrior * Matrix6d::Identity();
   options.surface.truncation_px = kWideShare * surface.width();
   start.T_event_ref = Align(points, wide, camera_, start, Vector6d::Zero(), options).T_event_ref;
   options.surface.truncation_px = std::max(options_.surface.truncation_px, kMiddleShare * surface.width());
@@ -148,7 +148,7 @@ void Relocalizer::Try(const Surface& surface, const Surface& wide, const LocalMa
 void Relocalizer::AlignAllPoints(const Surface& surface, Found* found) const {
   PosePrior start;
   start.T_event_ref = found->alignment.T_event_ref;
-  start.sqrt_information = 1e-3 * Matrix6d::Identity();
+  start.sqrt_information = kNoPrior * Matrix6d::Identity();
   found->alignment = Align(found->map->points, surface, camera_, start, Vector6d::Zero(), options_);
   found->T_world_event = found->map->WorldFromEvent(found->alignment.T_event_ref);
 }

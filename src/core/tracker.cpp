@@ -17,7 +17,6 @@ namespace devo {
 namespace {
 
 constexpr double kEdgeSigma_px = 0.5;
-constexpr double kNoPrior = 1e-3;       // keeps the equations solvable, no more
 constexpr double kInertialCoast_s = 2;  // lost, it still tells where the camera goes for so long
 constexpr double kBetterBy = 0.1;       // of all points, that a better pose must match more
 // Before it was noticed that a pose is false, it was stated to be certain. Also in radians, but a gyroscope that fits

@@ -58,13 +58,6 @@ std::string NearestKnownKey(const std::string& key) {
   });
 }
 
-std::vector<std::string> SplitChoices(const std::string& choices) {
-  std::vector<std::string> names;
-  std::istringstream stream(choices);
-  for (std::string name; std::getline(stream, name, '|');) names.push_back(name);
-  return names;
-}
-
 /// Takes its value from `settings` and removes it there, once per visited key.
 struct Assign {
   std::map<std::string, YAML::Node>* settings;

@@ -9,6 +9,7 @@
 
 #include "devo/core/time.h"
 #include "devo/ros/conversions.h"
+#include "devo/ros/played_again.h"
 #include "devo/ros/topics.h"
 
 namespace devo {
@@ -17,7 +18,6 @@ namespace {
 // The whole path is written each time, on the tracking's thread.
 constexpr double kPeriod_s = 0.1, kPeriodUnwatched_s = 1;
 constexpr std::size_t kMaxRecent = 20000;
-constexpr double kBackwards_s = 0.1;
 
 Rigid3 PoseOf(const geometry_msgs::PoseStamped& message) { return FromPoseMsg(message.pose); }
 Rigid3 PoseOf(const nav_msgs::Odometry& message) { return FromPoseMsg(message.pose.pose); }
@@ -62,7 +62,7 @@ void GroundTruth::SubscribeTo() {
 void GroundTruth::Add(std::int64_t t_ns, const Rigid3& T_world_body) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (!recent_.empty()) {
-    if (SecondsFromNs(t_ns - recent_.back().t_ns) < -kBackwards_s) {
+    if (SecondsFromNs(t_ns - recent_.back().t_ns) < -kPlayedAgain_s) {
       poses_.Clear();
       recent_.clear();
       path_.Clear();

@@ -111,12 +111,22 @@ void Health::Report(diagnostic_updater::DiagnosticStatusWrapper& status) {
   for (const auto& input : inputs_) input->Fill(status);
 }
 
-std::vector<Health::Complaint> Health::Complaints() {
+std::vector<std::size_t> Health::WhatIsMissing() const {
+  std::vector<std::size_t> what;
+  for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    if (inputs_[i]->IsSilent()) what.push_back(i);
+  }
   const KnownTopics nothing_known;
-  const bool complete =
-      std::all_of(inputs_.begin(), inputs_.end(), [](const auto& input) { return !input->IsSilent(); }) &&
-      std::all_of(missing_.begin(), missing_.end(), [&](const Missing& m) { return m(nothing_known).empty(); });
-  if (complete) return {};
+  for (const Missing& missing : missing_) what.insert(what.end(), missing(nothing_known).size(), inputs_.size());
+  return what;
+}
+
+std::vector<Health::Complaint> Health::Complaints() {
+  std::vector<std::size_t> what = WhatIsMissing();
+  if (what.empty()) return {};
+  // What is missing since a moment ago is named as soon as if nothing had been missing before.
+  if (what != what_is_missing_) ticks_missing_ = 0;
+  what_is_missing_ = std::move(what);
   if (ticks_missing_ > 2 * kTicksUntilWarning && ticks_missing_ % kTicksBetweenQuestions != 0) return complaints_;
 
   const auto topics = AskForTopics();

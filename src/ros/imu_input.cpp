@@ -10,13 +10,14 @@
 #include "devo/core/time.h"
 #include "devo/ros/conversions.h"
 #include "devo/ros/message_conversion.h"
+#include "devo/ros/played_again.h"
 
 namespace devo {
 namespace {
 
 constexpr std::size_t kMaxWaiting = 4000;  // seconds of a fast IMU, while no surface comes
+constexpr double kOfAnotherClock_s = 1;    // ahead; a backlog of events is made up for sooner
 constexpr char kNoReading[] = "their values are not finite or beyond any sensor's range, expected rad/s and m/s^2";
-constexpr std::int64_t kBackwards_ns = 100'000'000;  // as for surfaces: a bag is played again
 
 }  // namespace
 
@@ -56,7 +57,7 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
     ++no_reading_;
     return;
   }
-  if (!waiting_.empty() && sample.t_ns < waiting_.back().t_ns - kBackwards_ns) waiting_.clear();
+  if (!waiting_.empty() && SecondsFromNs(sample.t_ns - waiting_.back().t_ns) < -kPlayedAgain_s) waiting_.clear();
   if (newest_ns_ != 0) period_ns_ = std::max<std::int64_t>(0, sample.t_ns - newest_ns_);
   newest_ns_ = sample.t_ns;
   waiting_.push_back(sample);
@@ -70,6 +71,7 @@ void ImuInput::OnImu(const sensor_msgs::Imu& message) {
 std::vector<ImuSample> ImuInput::TakeUntil(std::int64_t t_ns) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (newest_ns_ != 0) behind_ms_.Add(1e3 * std::max(0.0, SecondsFromNs(t_ns - newest_ns_)));
+  ahead_s_ = newest_ns_ != 0 ? SecondsFromNs(newest_ns_ - t_ns) : 0;
   std::vector<ImuSample> samples;
   while (!waiting_.empty() && waiting_.front().t_ns <= t_ns) {
     samples.push_back(waiting_.front());
@@ -92,6 +94,12 @@ void ImuInput::Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const {
         "IMU samples come %.0f ms after the surfaces of their time, too late to be of use beyond %.0f: "
         "its driver's latency, or imu_time_offset_s",
         behind_ms_.At(0.5), usable_ms);
+  }
+  if (ahead_s_ > kOfAnotherClock_s) {
+    status.mergeSummaryf(diagnostic_msgs::DiagnosticStatus::WARN,
+                         "stamps of the IMU are %.1f s ahead of the events, expected the same clock: its samples wait "
+                         "and are not used; check the drivers' clocks and imu_time_offset_s",
+                         ahead_s_);
   }
 }
 

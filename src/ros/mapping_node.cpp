@@ -2,6 +2,7 @@
 #include "devo/ros/mapping_node.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include <sensor_msgs/PointCloud2.h>
@@ -13,6 +14,7 @@
 #include "devo/ros/depth_clock.h"
 #include "devo/ros/message_conversion.h"
 #include "devo/ros/parameters.h"
+#include "devo/ros/played_again.h"
 #include "devo/ros/rendering.h"
 #include "devo/ros/scheduling.h"
 #include "devo/ros/topics.h"
@@ -22,7 +24,11 @@ namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
 
-constexpr double kBackwards_s = 0.1;
+constexpr double kShown_s = 10;
+constexpr char kTooLate[] =
+    "depth comes when surfaces of its time are kept no longer and is not used, expected within 0.3 s: its driver's "
+    "latency, or depth_time_offset_s";
+constexpr double kGlobalMapEvery_s = 1, kMaxCopy_s = 2;
 constexpr std::size_t kMaxWaitingSurfaces = 32;
 // Depth is compared with the events twice per second; the figures are of the last ten seconds of motion.
 constexpr double kJudgePeriod_s = 0.5;
@@ -74,7 +80,7 @@ MappingNode::MappingNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
 
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kMapping, config_.odometry,
                                          [this](const OdometryOptions& options) { OnOptions(options); });
-  save_service_ = private_nh_.advertiseService("save_map", &MappingNode::OnSaveMap, this);
+  save_service_ = save_thread_.HandleOf(private_nh_).advertiseService("save_map", &MappingNode::OnSaveMap, this);
   rig_->Start();
   SubscribeToDepth(transport);  // its callback tells the rig a frame
   // Last, since nothing may throw any more: they must go before their worker.
@@ -112,6 +118,7 @@ MappingNode::~MappingNode() {
   tunables_.reset();
   points_subscriber_.shutdown();
   save_service_.shutdown();
+  save_thread_.Stop();
   worker_.reset();
 }
 
@@ -160,10 +167,17 @@ void MappingNode::OnDepth(const std_msgs::Header& header, DepthMessage message) 
   depth_input_->Arrived(t_ns);
   rig_->SetDepthFrame(header.frame_id);
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (last_depth_ns_ != 0 && SecondsFromNs(t_ns - last_depth_ns_) < -kBackwards_s) {
+  if (t_ns == last_depth_ns_) {
+    ++depth_of_same_stamp_;
+    return;
+  }
+  if (last_depth_ns_ != 0 && SecondsFromNs(t_ns - last_depth_ns_) < -kPlayedAgain_s) {
     depths_.clear();
     // Already there when the surfaces went back first.
-    depth_awaits_epoch_ = SecondsFromNs(surface_ns_ - t_ns) > kBackwards_s;
+    depth_awaits_epoch_ = SecondsFromNs(surface_ns_ - t_ns) > kPlayedAgain_s;
+    before_step_back_ns_ = last_depth_ns_;
+  } else if (t_ns > before_step_back_ns_) {
+    depth_awaits_epoch_ = false;  // one stamp was wrong
   }
   last_depth_ns_ = t_ns;
   depths_.push_back(std::move(message));
@@ -172,6 +186,15 @@ void MappingNode::OnDepth(const std_msgs::Header& header, DepthMessage message) 
     ++depth_dropped_;
     depth_awaits_epoch_ = false;  // only the depth's clock was set back
   }
+}
+
+bool MappingNode::IsCopyWanted() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (copy_wanted_ && !mapper_) {
+    copy_wanted_ = false;
+    copied_.notify_all();
+  }
+  return copy_wanted_;
 }
 
 std::deque<MappingNode::DepthMessage> MappingNode::TakeDepth() {
@@ -184,72 +207,92 @@ std::deque<MappingNode::DepthMessage> MappingNode::TakeDepth() {
   return taken;
 }
 
-bool MappingNode::Step() {
-  PoseConstPtr answer;
-  std::deque<SurfaceConstPtr> surfaces;
-  std::deque<DepthMessage> depths;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (new_mapper_) mapper_ = std::move(new_mapper_);
-    if (!mapper_ || answers_.empty()) return false;
-    if (std::exchange(options_changed_, false)) mapper_->SetOptions(config_.odometry);
-    answer = answers_.front();
-    answers_.pop_front();
-    // Surfaces of an older epoch get no answer any more.
-    while (!surfaces_.empty() && surfaces_.front()->epoch < answer->epoch) surfaces_.pop_front();
-    while (!surfaces_.empty() && surfaces_.front()->epoch == answer->epoch && surfaces_.front()->t_ns <= answer->t_ns) {
-      surfaces.push_back(surfaces_.front());
-      surfaces_.pop_front();
-    }
-    if (surfaces.empty()) return true;
-    if (answer->epoch != epoch_) depth_awaits_epoch_ = false;
-    epoch_ = answer->epoch;
-    surface_ns_ = answer->t_ns;
-    depths = TakeDepth();
+std::optional<MappingNode::Work> MappingNode::TakeWork() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (new_mapper_) mapper_ = std::move(new_mapper_);
+  if (!mapper_ || answers_.empty()) return std::nullopt;
+  if (std::exchange(options_changed_, false)) mapper_->SetOptions(config_.odometry);
+  Work work;
+  work.answer = answers_.front();
+  answers_.pop_front();
+  const PoseEstimate& answer = *work.answer;
+  // Surfaces of an older epoch get no answer any more.
+  while (!surfaces_.empty() && surfaces_.front()->epoch < answer.epoch) surfaces_.pop_front();
+  while (!surfaces_.empty() && surfaces_.front()->epoch == answer.epoch && surfaces_.front()->t_ns <= answer.t_ns) {
+    work.surfaces.push_back(surfaces_.front());
+    surfaces_.pop_front();
   }
+  if (work.surfaces.empty()) return work;
+  if (answer.epoch != epoch_) {
+    depth_awaits_epoch_ = false;
+    before_step_back_ns_ = 0;
+  }
+  epoch_ = answer.epoch;
+  surface_ns_ = answer.t_ns;
+  work.depths = TakeDepth();
+  return work;
+}
+
+bool MappingNode::Step() {
+  if (IsCopyWanted()) CopyGlobalMap();
+  const std::optional<Work> work = TakeWork();
+  if (!work || work->surfaces.empty()) return work.has_value();
   try {
-    const ros::WallTime begin = ros::WallTime::now();
-    // Surfaces first: those of a new epoch have the mapper forget what it was given before.
-    Feed(surfaces, *answer);
-    for (const DepthMessage& message : depths) AddDepth(message);
-    const LocalMapPtr map = mapper_->Update();
-    const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
-    if (mapper_->last_match().surface && !resolved_.rig.depth_from_lidar) JudgeAlignment(mapper_->last_match());
-    DrawLidarOverlay();
-    if (mapper_->scene_depth().t_ns != scene_depth_ns_) {
-      scene_depth_ns_ = mapper_->scene_depth().t_ns;
-      scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
-    }
-    for (const DepthPose& pose : mapper_->TakeDepthPoses()) {
-      depth_pose_publisher_.publish(boost::make_shared<const DepthPose>(pose));
-    }
-    if (map) {
-      // Until then all poses wait for this thread.
-      if (!std::exchange(yields_, true)) LetOthersFirst();
-      Publish(map);
-    }
-    PublishGlobalMap();
-    if (mapper_->counters().depth_jumps > counters_.depth_jumps) {
-      ROS_WARN_STREAM_THROTTLE(
-          1, private_nh_.getNamespace()
-                 << ": the depth camera sees the same scene otherwise from one "
-                    "image to the next (a correction of its own calibration); earlier images are forgotten");
-    }
-    if (mapper_->counters().depth_repeated > counters_.depth_repeated) {
-      ROS_WARN_STREAM_THROTTLE(1, private_nh_.getNamespace()
-                                      << ": a depth image came again with another stamp, expected one of that time; "
-                                         "it is not used");
-    }
-    const std::lock_guard<std::mutex> lock(mutex_);
-    counters_ = mapper_->counters();
-    scene_depth_ = mapper_->scene_depth();
-    if (!depths.empty()) mapping_ms_.Add(ms);
+    Map(*work);
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM_THROTTLE(1, private_nh_.getNamespace() << ": " << error.what());
     const std::lock_guard<std::mutex> lock(mutex_);
     failures_.Add(error.what());
   }
   return true;
+}
+
+void MappingNode::Map(const Work& work) {
+  const ros::WallTime begin = ros::WallTime::now();
+  // Surfaces first: those of a new epoch have the mapper forget what it was given before.
+  Feed(work.surfaces, *work.answer);
+  for (const DepthMessage& message : work.depths) AddDepth(message);
+  const LocalMapPtr map = mapper_->Update();
+  const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
+  if (mapper_->last_match().surface && !resolved_.rig.depth_from_lidar) JudgeAlignment(mapper_->last_match());
+  DrawLidarOverlay();
+  if (mapper_->scene_depth().t_ns != scene_depth_ns_) {
+    scene_depth_ns_ = mapper_->scene_depth().t_ns;
+    scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
+  }
+  for (const DepthPose& pose : mapper_->TakeDepthPoses()) {
+    depth_pose_publisher_.publish(boost::make_shared<const DepthPose>(pose));
+  }
+  if (map) {
+    // Until then all poses wait for this thread.
+    if (!std::exchange(yields_, true)) LetOthersFirst();
+    Publish(map);
+  }
+  PublishGlobalMap();
+  NoteCounters();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  scene_depth_ = mapper_->scene_depth();
+  if (!work.depths.empty()) mapping_ms_.Add(ms);
+}
+
+void MappingNode::NoteCounters() {
+  const MappingCounters& now = mapper_->counters();
+  const std::string name = private_nh_.getNamespace();
+  if (now.depth_jumps > counters_.depth_jumps) {
+    ROS_WARN_STREAM_THROTTLE(1,
+                             name << ": the depth camera sees the same scene otherwise from one image to the next (a "
+                                     "correction of its own calibration); earlier images are forgotten");
+  }
+  if (now.depth_repeated > counters_.depth_repeated) {
+    ROS_WARN_STREAM_THROTTLE(
+        1, name << ": a depth image came again with another stamp, expected one of that time; it is not used");
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (now.depth_too_late > counters_.depth_too_late) {
+    ROS_WARN_STREAM_THROTTLE(10, name << ": " << kTooLate);
+    too_late_ = ros::WallTime::now();
+  }
+  counters_ = now;
 }
 
 void MappingNode::AddImage(const sensor_msgs::Image& image) {
@@ -285,6 +328,7 @@ void MappingNode::Feed(const std::deque<SurfaceConstPtr>& surfaces, const PoseEs
     // The mapper resets itself with the surface below; what was drawn of the old epoch goes here.
     const std::lock_guard<std::mutex> lock(mutex_);
     global_map_.clear();
+    global_map_ns_ = 0;
   }
   for (const SurfaceConstPtr& surface : surfaces) mapper_->AddSurface(ToStd(surface));
   last_surface_ = surfaces.back();
@@ -307,13 +351,19 @@ void MappingNode::Publish(const LocalMapPtr& map) {
   map_publisher_.publish(ToBoost(map));
   local_cloud_publisher_.publish(
       ToPointCloudMsg(map->points, T_odom_world_ * map->T_world_ref, map->t_ns, odom_frame_));
-  // A map composed for another view has no new points: copying all of them for each would cost more the longer it runs.
-  if (mapper_->counters().references == references_published_ && !global_map_.empty()) return;
-  references_published_ = mapper_->counters().references;
-  std::vector<MapPoint> all = mapper_->GlobalMap();
+  // Copying all points for each map would cost more the longer it runs.
+  if (SecondsFromNs(map->t_ns - global_map_ns_) < kGlobalMapEvery_s && global_map_ns_ != 0) return;
+  global_map_ns_ = map->t_ns;
+  CopyGlobalMap();
   global_map_wanted_ = true;
+}
+
+void MappingNode::CopyGlobalMap() {
+  std::vector<MapPoint> all = mapper_->GlobalMap();
   const std::lock_guard<std::mutex> lock(mutex_);
   global_map_ = std::move(all);
+  copy_wanted_ = false;
+  copied_.notify_all();
 }
 
 void MappingNode::PublishGlobalMap() {
@@ -348,7 +398,11 @@ bool MappingNode::OnSaveMap(std_srvs::Trigger::Request&, std_srvs::Trigger::Resp
   std::vector<MapPoint> points;
   Rigid3 T_odom_world;
   {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    std::unique_lock<std::mutex> lock(mutex_);
+    copy_wanted_ = true;
+    worker_->Wake();
+    // The one of up to a second ago, where the worker is busy for so long.
+    copied_.wait_for(lock, std::chrono::duration<double>(kMaxCopy_s), [this] { return !copy_wanted_; });
     points = global_map_;
     T_odom_world = T_odom_world_;
   }
@@ -368,6 +422,8 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   const std::lock_guard<std::mutex> lock(mutex_);
   if (failures_.Fill(status)) {
     // its summary stays
+  } else if (surface_input_->IsSilent()) {
+    status.summary(DiagnosticStatus::WARN, "no data");
   } else if (counters_.references == 0) {
     status.summary(DiagnosticStatus::WARN, "no reference yet");
   } else {
@@ -377,6 +433,9 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   if (surface_ns_ != 0 && last_depth_ns_ != 0 && !surface_input_->IsSilent() && !depth_input_->IsSilent()) {
     const std::string complaint = ComplaintOfDepthClock(last_depth_ns_, surface_ns_);
     if (!complaint.empty()) status.mergeSummary(DiagnosticStatus::WARN, complaint);
+    if (ros::WallTime::now() - too_late_ < ros::WallDuration(kShown_s)) {
+      status.mergeSummary(DiagnosticStatus::WARN, kTooLate);
+    }
   }
   SilhouetteFit fit;
   for (const SilhouetteFit& one : alignment_) fit += one;
@@ -398,6 +457,8 @@ void MappingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& status
   status.add("times the depth camera began to see otherwise", counters_.depth_jumps);
   status.add("depth images that came again with another stamp", counters_.depth_repeated);
   status.add("depth images without a valid pixel", counters_.depth_without_valid_pixel);
+  status.add("depth images with the stamp of the one before", depth_of_same_stamp_);
+  status.add("depth images too late for their surfaces", counters_.depth_too_late);
   status.add("depth images dropped", depth_dropped_);
   status.add("depth images refused", depth_refused_);
   status.add("surfaces dropped", surfaces_dropped_);

@@ -12,6 +12,7 @@
 
 #include "devo/core/time.h"
 #include "devo/ros/parameters.h"
+#include "devo/ros/played_again.h"
 #include "devo/ros/rendering.h"
 #include "devo/ros/topics.h"
 
@@ -21,7 +22,6 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 
 // Stamps a little out of order are the builder's business; more than this is another recording, or the same again.
-constexpr double kBackwards_s = 0.1;
 // Without events for this long there is nothing to render in between.
 constexpr double kSilence_s = 0.5;
 // How long a surface waits for the pose before, in wall time, and after how many vain waits it waits no more (until
@@ -301,7 +301,7 @@ void TimeSurfaceNode::Accept(Batch batch) {
     // The whole message must be older: single events that are, the builder leaves out.
     const double ahead_s = SecondsFromNs(last_ns - newest_event_ns_);
     const double gap_s = batch.after_pause ? 0 : SecondsFromNs(first_ns - newest_event_ns_);
-    if (ahead_s < -kBackwards_s) batch.begins_epoch = "the events' time went back by " + Seconds(-ahead_s);
+    if (ahead_s < -kPlayedAgain_s) batch.begins_epoch = "the events' time went back by " + Seconds(-ahead_s);
     if (gap_s > reset_after_gap_s_) {
       batch.begins_epoch = "no events came for " + Seconds(gap_s) + ", longer than reset_after_gap_s";
     }

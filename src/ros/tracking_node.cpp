@@ -89,7 +89,8 @@ TrackingNode::TrackingNode(const ros::NodeHandle& nh, const ros::NodeHandle& pri
                                    [this](const boost::shared_ptr<const DepthPose>& pose) { OnDepthPose(pose); }));
   tunables_ = std::make_unique<Tunables>(nh_, private_nh_, Module::kTracking, config_.odometry,
                                          [this](const OdometryOptions& options) { OnOptions(options); });
-  save_service_ = private_nh_.advertiseService("save_trajectory", &TrackingNode::OnSaveTrajectory, this);
+  save_service_ =
+      save_thread_.HandleOf(private_nh_).advertiseService("save_trajectory", &TrackingNode::OnSaveTrajectory, this);
   rig_->Start();
   // Last, since nothing may throw any more: it must go before its worker.
   surface_subscriber_ = worker_->HandleOf(nh_).subscribe<Surface>(
@@ -104,6 +105,7 @@ TrackingNode::~TrackingNode() {
   depth_pose_subscriber_.shutdown();
   tunables_.reset();
   save_service_.shutdown();
+  save_thread_.Stop();
   worker_.reset();
   if (!save_at_shutdown_) return;
   try {
@@ -313,7 +315,7 @@ void TrackingNode::FillStatus(diagnostic_updater::DiagnosticStatusWrapper& statu
   const std::lock_guard<std::mutex> lock(mutex_);
   if (failures_.Fill(status)) {
     // its summary stays
-  } else if (tracked_ + untracked_ == 0) {
+  } else if (tracked_ + untracked_ == 0 || surface_input_->IsSilent()) {
     status.summary(DiagnosticStatus::WARN, "no data");
   } else {
     status.summary(static_cast<unsigned char>(LevelOf(last_.state)), ToString(last_.state));

@@ -66,9 +66,6 @@ TEST(MatchQuality, KnowsNothingOfANewMap) {
   MatchQuality quality = Used(0.9);
   quality.ForgetUsual();
   EXPECT_EQ(quality.usual_share(), MatchQuality(100).usual_share());
-  quality.Note(0);
-  quality.Reset();
-  EXPECT_EQ(quality.bad_in_a_row(), 0);
 }
 
 }  // namespace

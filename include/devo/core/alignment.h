@@ -13,6 +13,9 @@
 
 namespace devo {
 
+/// Root of the information of a start about which nothing is known: keeps the equations solvable, no more.
+constexpr double kNoPrior = 1e-3;
+
 /// What the motion so far says of the pose, as a Gaussian about the start of the alignment.
 struct PosePrior {
   Rigid3 T_event_ref;                            ///< its mean

@@ -17,6 +17,9 @@
 
 namespace devo {
 
+/// Nearer points are taken for none in view.
+constexpr float kNearest_m = 0.05F;
+
 /// A map point as the alignment sees it at the start pose.
 struct AlignmentPoint {
   Eigen::Vector3f p_ref;

@@ -49,6 +49,9 @@ class LidarAccumulator {
 
   void Clear() { sweeps_.clear(); }
 
+  /// From the next sweep on.
+  void SetOptions(const MappingOptions& options) { options_ = options; }
+
  private:
   struct Sweep {
     std::int64_t end_ns = 0;

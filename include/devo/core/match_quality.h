@@ -33,7 +33,6 @@ class MatchQuality {
   void ForgetUsual() { usual_share_ = kFirstUsualShare; }
   double rate_hz() const { return rate_hz_; }  ///< of poses
   void SetRate(double rate_hz) { rate_hz_ = rate_hz; }
-  void Reset() { *this = MatchQuality(rate_hz_); }
 
  private:
   static constexpr double kFirstUsualShare = 0.5;

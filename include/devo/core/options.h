@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace devo {
 
@@ -247,6 +248,9 @@ void VisitOptions(Options& o, Visitor&& visit) {
         "the delay of events against an inertial sensor's stamps is estimated up to this; 0: both show one moment");
   VisitIdeas(o, visit);
 }
+
+/// "a|b|c" -> {"a", "b", "c"}: the names that an option may have.
+std::vector<std::string> SplitChoices(const std::string& choices);
 
 /// Throws std::invalid_argument naming the first key whose value is out of its range, and the range.
 void Validate(const OdometryOptions& options);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 //
-// The time-surface module: events in, surfaces out (paper section III-B and DESIGN section 4).
+// The time-surface module: events in, surfaces out (paper section III-B; docs/algorithm.md).
 #pragma once
 
 #include <cstdint>

@@ -97,6 +97,8 @@ class Health {
   };
 
   void Report(diagnostic_updater::DiagnosticStatusWrapper& status);
+  /// Indices of silent inputs, then their number as often as other things are missing.
+  std::vector<std::size_t> WhatIsMissing() const;
   std::vector<Complaint> Complaints();
   void Tick();
 
@@ -108,7 +110,7 @@ class Health {
   std::vector<std::shared_ptr<Input>> inputs_;
   std::vector<Missing> missing_;
   std::vector<Complaint> complaints_;
-  int ticks_ = 0;
+  std::vector<std::size_t> what_is_missing_;  // when it was last complained of
   int ticks_missing_ = 0;
   ros::WallTimer timer_;
 };

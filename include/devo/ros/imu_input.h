@@ -32,7 +32,7 @@ class ImuInput {
   /// The waiting samples up to and with a surface's `t_ns`, oldest first.
   std::vector<ImuSample> TakeUntil(std::int64_t t_ns);
 
-  /// Warns where samples come too late to be of use.
+  /// Warns where samples come too late to be of use, or are of a clock that is ahead.
   void Fill(diagnostic_updater::DiagnosticStatusWrapper& status) const;
 
  private:
@@ -47,6 +47,7 @@ class ImuInput {
   mutable std::mutex mutex_;
   std::deque<ImuSample> waiting_;
   std::int64_t newest_ns_ = 0, period_ns_ = 0;
+  double ahead_s_ = 0;   // the newest sample, of the last surface that asked
   Quantiles behind_ms_;  // the newest sample, when a surface asks
   std::uint64_t accepted_ = 0, without_transform_ = 0, no_reading_ = 0, overflowed_ = 0;
   ros::Subscriber imu_subscriber_, transform_subscriber_;

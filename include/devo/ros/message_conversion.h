@@ -58,6 +58,9 @@ std::string AppendSerializedEvents(const std::uint8_t* bytes, std::size_t size, 
 /// The other way round; header.stamp is the time of the last event. Bags of the simulator and tests are made of these.
 EventArray ToEventArrayMsg(EventSpan events, int width, int height, const std::string& frame_id);
 
+/// For a sentence that says what was expected.
+constexpr char kEventTypes[] = "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket";
+
 /// Decodes a stream of EventPackets. The sensor's clock is put on the host's by one constant offset, from the first
 /// packet with events: its header.stamp (arrival of its first bytes) minus its first event's time. A sensor that is
 /// restarted (encoding or size changes, sequence number falls) is put on the host's clock anew. Wraps of the sensor's

@@ -23,6 +23,7 @@
 #include "devo/ros/imu_input.h"
 #include "devo/ros/odometry_publisher.h"
 #include "devo/ros/rig_resolver.h"
+#include "devo/ros/service_thread.h"
 #include "devo/ros/tunables.h"
 #include "devo/ros/worker.h"
 
@@ -103,6 +104,7 @@ class TrackingNode {
   ros::Publisher tracked_pose_publisher_;
   ros::Subscriber surface_subscriber_, map_subscriber_, depth_pose_subscriber_;
   std::unique_ptr<Tunables> tunables_;
+  ServiceThread save_thread_;
   ros::ServiceServer save_service_;
   std::unique_ptr<GroundTruth> ground_truth_;
   std::unique_ptr<ImuInput> imu_;   // where there is an IMU

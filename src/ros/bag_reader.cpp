@@ -77,6 +77,8 @@ BagReader::~BagReader() = default;
 BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& config, const BagRange& range)
     : config_(config), bags_(OpenBags(paths)) {
   if (paths.empty()) throw std::runtime_error("no bag is given, expected at least one");
+  TakeInfoBeside(config.topics.events, &config_.topics.event_camera_info);
+  TakeInfoBeside(config.topics.depth, &config_.topics.depth_camera_info);
   const Topics& topics = config_.topics;
   const bool lidar = config_.depth_from_lidar();
   const std::string depth_topic = lidar ? "" : topics.depth;
@@ -87,9 +89,18 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
   AddStreams(Role::kGroundTruth, "topics.ground_truth", topics.ground_truth, false,
              {Md5<geometry_msgs::PoseStamped>(), Md5<nav_msgs::Odometry>(), Md5<geometry_msgs::TransformStamped>()},
              "geometry_msgs/PoseStamped, nav_msgs/Odometry or geometry_msgs/TransformStamped");
-  AddStreams(Role::kEvents, "topics.events", topics.events, true, {Md5<EventArray>(), Md5<EventPacket>()},
-             "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket");
+  AddStreams(Role::kEvents, "topics.events", topics.events, true, {Md5<EventArray>(), Md5<EventPacket>()}, kEventTypes);
   FindBegin(range);
+}
+
+void BagReader::TakeInfoBeside(const std::string& topic, std::string* info_topic) const {
+  if (!info_topic->empty()) return;
+  const std::string beside = SiblingCameraInfo(topic);
+  for (const auto& bag : bags_) {
+    for (const BagTopic& candidate : bag->topics()) {
+      if (candidate.name == beside && candidate.md5 == Md5<sensor_msgs::CameraInfo>()) *info_topic = beside;
+    }
+  }
 }
 
 void BagReader::AddStreams(Role role, const std::string& key, const std::string& topic, bool required,

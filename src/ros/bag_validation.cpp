@@ -159,9 +159,8 @@ class Validator {
     return encoding;
   }
 
-  /// The CameraInfo beside a data topic: /a/b/image_raw has /a/b/camera_info.
   std::string InfoBeside(const std::string& topic) const {
-    const std::string info = topic.substr(0, topic.rfind('/')) + "/camera_info";
+    const std::string info = SiblingCameraInfo(topic);
     const auto found = topics_.find(info);
     return found != topics_.end() && Is<sensor_msgs::CameraInfo>(found->second) ? info : "";
   }
@@ -209,8 +208,7 @@ class Validator {
   void CheckEvents() {
     const std::string& topic = config_->topics.events;
     const BagTopic type = TypeOf(topic);
-    if (!CheckTopic("topics.events", topic, Is<EventArray>(type) || Is<EventPacket>(type),
-                    "dvs_msgs/EventArray, prophesee_event_msgs/EventArray or event_camera_msgs/EventPacket")) {
+    if (!CheckTopic("topics.events", topic, Is<EventArray>(type) || Is<EventPacket>(type), kEventTypes)) {
       return;
     }
     EventPacketConverter packets;
@@ -517,6 +515,14 @@ class Validator {
                      rig.T_event_depth,
                      SourceOf(config_->depth_camera.has_value(), "CameraInfo on " + config_->topics.depth_camera_info) +
                          "; " + SourceOf(config_->T_event_depth.has_value(), "/tf_static"));
+      }
+      constexpr double kCoarsest = 8;
+      const double ratio = camera.fx() / depth.fx();
+      if (ratio > kCoarsest) {
+        Warn(Format(
+            "the depth camera's pixels are %.0f times as large as the event camera's, expected at most %.0f times: "
+            "few edges will find a depth",
+            ratio, kCoarsest));
       }
       if (depth_columns_ != depth.width() || depth_rows_ != depth.height()) {
         Problem(Format("depth images are %dx%d, their camera's calibration %dx%d", depth_columns_, depth_rows_,

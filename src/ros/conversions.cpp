@@ -45,6 +45,11 @@ ros::Time ToRosTime(std::int64_t t_ns) {
 
 std::int64_t FromRosTime(const ros::Time& stamp) { return static_cast<std::int64_t>(stamp.toNSec()); }
 
+std::string SiblingCameraInfo(const std::string& topic) {
+  const std::size_t slash = topic.rfind('/');
+  return slash == std::string::npos ? "" : topic.substr(0, slash) + "/camera_info";
+}
+
 std::string WithoutLeadingSlash(const std::string& frame) {
   return !frame.empty() && frame.front() == '/' ? frame.substr(1) : frame;
 }

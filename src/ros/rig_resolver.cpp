@@ -8,16 +8,6 @@
 #include "devo/ros/parameters.h"
 
 namespace devo {
-namespace {
-
-/// As image_transport pairs them: camera_info beside the image.
-std::string SiblingCameraInfo(const std::string& topic) {
-  const std::size_t slash = topic.rfind('/');
-  return slash == std::string::npos ? "" : topic.substr(0, slash) + "/camera_info";
-}
-
-}  // namespace
-
 RigResolver::RigResolver(const ros::NodeHandle& nh, const RigConfig& config, Need need,
                          std::function<void(const ResolvedRig&)> on_resolved)
     : nh_(nh), config_(config), need_(std::move(need)), on_resolved_(std::move(on_resolved)) {

@@ -329,6 +329,22 @@ TEST_F(DevoOffline, NamesTheCameraWithoutIntrinsics) {
   ExpectRefused(Run(), AllOf(HasSubstr("'/event_info'"), HasSubstr("is the camera calibrated?")));
 }
 
+TEST_F(DevoOffline, TakesTheCameraInfoBesideTheDataWhereTheConfigurationNamesNoneAsTheNodeletsDo) {
+  const TinyRecording recording;
+  recording.Write(Bag());
+  ASSERT_EQ(Run().status, 0);
+  const std::string expected = Trajectory();
+  rosbag::Bag bag(Bag(), rosbag::bagmode::Append);
+  bag.write("/camera_info", ToRosTime(recording.scene.begin_ns), InfoOf(recording.scene, "event_optical"));
+  bag.close();
+  WriteConfig(
+      "topics: {events: /events, depth: /depth, ground_truth: /truth}\nT_event_depth: "
+      "[1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n");
+  const ProgramResult result = Run();
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(Trajectory(), expected);
+}
+
 TEST_F(DevoOffline, WarnsOfATopicThatIsMissingWhereItGoesOnWithoutIt) {
   TinyRecording().Write(Bag());
   const ProgramResult result = Run("--set topics.imu=/imu/data --set topics.ground_truth=/mocap");

@@ -67,9 +67,11 @@ struct RigConfig {
 template <typename Config, typename Visitor>
 void VisitRig(Config& c, Visitor&& visit) {
   visit("topics.events", c.topics.events, "EventArray or EventPacket");
-  visit("topics.event_camera_info", c.topics.event_camera_info, "CameraInfo, used when event_camera is not given");
+  visit("topics.event_camera_info", c.topics.event_camera_info,
+        "CameraInfo, used when event_camera is not given; empty: camera_info beside the events");
   visit("topics.depth", c.topics.depth, "Image, 16UC1 (mm) or 32FC1 (m), raw");
-  visit("topics.depth_camera_info", c.topics.depth_camera_info, "CameraInfo, used when depth_camera is not given");
+  visit("topics.depth_camera_info", c.topics.depth_camera_info,
+        "CameraInfo, used when depth_camera is not given; empty: camera_info beside the depth");
   visit("topics.points", c.topics.points, "PointCloud2 of a LiDAR: where given, it takes the place of depth images");
   visit("topics.imu", c.topics.imu, "Imu, optional");
   visit("topics.ground_truth", c.topics.ground_truth, "PoseStamped, Odometry or TransformStamped, for evaluation only");

@@ -95,6 +95,8 @@ class BagReader {
   static constexpr std::size_t kRoles = 5;
   struct Stream;
 
+  /// Where the configuration names none: as the nodelets do.
+  void TakeInfoBeside(const std::string& topic, std::string* info_topic) const;
   void AddStreams(Role role, const std::string& key, const std::string& topic, bool required,
                   const std::vector<std::string>& md5s, const std::string& types);
   void FindBegin(const BagRange& range);

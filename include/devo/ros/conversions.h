@@ -28,6 +28,10 @@ geometry_msgs::Transform ToTransformMsg(const Rigid3& T);
 /// tf2 refuses names of frames that begin with a slash, as those of tf did.
 std::string WithoutLeadingSlash(const std::string& frame);
 
+/// The CameraInfo of a data topic, as image_transport pairs them: /a/b/image_raw has /a/b/camera_info. Empty where the
+/// name has no slash.
+std::string SiblingCameraInfo(const std::string& topic);
+
 /// Throws std::invalid_argument when the quaternion is not of unit length (to 1 %) or a value is not finite.
 Rigid3 FromPoseMsg(const geometry_msgs::Pose& pose);
 Rigid3 FromTransformMsg(const geometry_msgs::Transform& transform);

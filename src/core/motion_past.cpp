@@ -31,17 +31,17 @@ std::optional<InertialMean> ReadSince(const MotionFilter& motion, std::int64_t t
 }
 
 bool AdvanceTo(std::int64_t t_ns, const InertialBuffer& inertial, MotionFilter* motion) {
-  if (!ReadSince(*motion, t_ns, inertial)) return false;
-  MotionFilter ahead = *motion;
-  const auto advance = [&](std::int64_t until_ns) {
-    const auto read = ReadSince(ahead, until_ns, inertial);
-    if (read) ahead.Advance(until_ns, *read);
-    return read.has_value();
-  };
-  while (t_ns - ahead.time_ns() > MotionFilter::kLongestStep_ns) {
-    if (!advance(ahead.time_ns() + MotionFilter::kStep_ns)) return false;
+  const auto read = ReadSince(*motion, t_ns, inertial);
+  if (!read) return false;
+  if (t_ns - motion->time_ns() <= MotionFilter::kLongestStep_ns) {
+    motion->Advance(t_ns, *read);
+    return true;
   }
-  if (!advance(t_ns)) return false;
+  MotionFilter ahead = *motion;
+  while (t_ns - ahead.time_ns() > MotionFilter::kLongestStep_ns) {
+    if (!AdvanceTo(ahead.time_ns() + MotionFilter::kStep_ns, inertial, &ahead)) return false;
+  }
+  if (!AdvanceTo(t_ns, inertial, &ahead)) return false;
   *motion = ahead;
   return true;
 }

@@ -82,9 +82,9 @@ BagReader::BagReader(const std::vector<std::string>& paths, const RigConfig& con
   const Topics& topics = config_.topics;
   const bool lidar = config_.depth_from_lidar();
   const std::string depth_topic = lidar ? "" : topics.depth;
-  const std::string depth_types = "sensor_msgs/Image", points_types = "sensor_msgs/PointCloud2";
-  AddStreams(Role::kDepth, "topics.depth", depth_topic, !lidar, {Md5<sensor_msgs::Image>()}, depth_types);
-  AddStreams(Role::kPoints, "topics.points", topics.points, lidar, {Md5<sensor_msgs::PointCloud2>()}, points_types);
+  AddStreams(Role::kDepth, "topics.depth", depth_topic, !lidar, {Md5<sensor_msgs::Image>()}, "sensor_msgs/Image");
+  AddStreams(Role::kPoints, "topics.points", topics.points, lidar, {Md5<sensor_msgs::PointCloud2>()},
+             "sensor_msgs/PointCloud2");
   AddStreams(Role::kImu, "topics.imu", topics.imu, false, {Md5<sensor_msgs::Imu>()}, "sensor_msgs/Imu");
   AddStreams(Role::kGroundTruth, "topics.ground_truth", topics.ground_truth, false,
              {Md5<geometry_msgs::PoseStamped>(), Md5<nav_msgs::Odometry>(), Md5<geometry_msgs::TransformStamped>()},

@@ -137,15 +137,6 @@ ros::Time SimStamp(std::int64_t t_ns) {
   return time;
 }
 
-void OpenSimBag(const std::string& path, rosbag::compression::CompressionType compression, rosbag::Bag* bag) {
-  try {
-    bag->open(path, rosbag::bagmode::Write);
-  } catch (const rosbag::BagException& e) {
-    throw std::runtime_error("bag '" + path + "' cannot be written: " + e.what());
-  }
-  bag->setCompression(compression);
-}
-
 void SimBag::CloseOrLeak::operator()(rosbag::Bag* bag) const noexcept {
   try {
     bag->close();
@@ -158,7 +149,12 @@ void SimBag::CloseOrLeak::operator()(rosbag::Bag* bag) const noexcept {
 void SimBag::Open(const std::string& path, rosbag::CompressionType compression) {
   path_ = path;
   bag_.reset(new rosbag::Bag);
-  OpenSimBag(ActivePath(), compression, bag_.get());
+  try {
+    bag_->open(ActivePath(), rosbag::bagmode::Write);
+  } catch (const rosbag::BagException& e) {
+    ThrowCannotBeWritten(e.what());
+  }
+  bag_->setCompression(compression);
   std::remove(path.c_str());  // of another run, which calibration written now may not fit
 }
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include <geometry_msgs/PoseStamped.h>
-#include <rosbag/bag.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
@@ -48,34 +47,6 @@ sim::SequenceOptions RightCameraOf(const sim::SequenceOptions& left);
 
 /// plain, mvsec or vector; else std::invalid_argument naming it.
 BagDialect BagDialectOf(const std::string& name);
-
-/// A bag that has its name once it is complete; until then it is PATH.active, as rosbag record has it. What cannot be
-/// written, as on a full disk, is thrown as std::runtime_error naming the file.
-class SimBag {
- public:
-  /// Once, before all else; removes what has the name.
-  void Open(const std::string& path, rosbag::CompressionType compression);
-  template <typename Message>
-  void Write(const std::string& topic, const ros::Time& time, const Message& message) {
-    try {
-      bag_->write(topic, time, message);
-    } catch (const rosbag::BagException& e) {
-      ThrowCannotBeWritten(e.what());
-    }
-  }
-  void Close();
-
- private:
-  /// rosbag::Bag closes in its destructor, where throwing ends the program.
-  struct CloseOrLeak {
-    void operator()(rosbag::Bag* bag) const noexcept;
-  };
-  std::string ActivePath() const { return path_ + ".active"; }
-  [[noreturn]] void ThrowCannotBeWritten(const std::string& reason) const;
-
-  std::string path_;
-  std::unique_ptr<rosbag::Bag, CloseOrLeak> bag_;
-};
 
 /// Writes a sequence as bags and calibration files. Throws std::runtime_error naming the file that cannot be written.
 class SimBagWriter {

@@ -14,6 +14,7 @@
 #include "devo/core/crest_threshold.h"
 #include "devo/core/crests.h"
 #include "devo/core/flicker_bursts.h"
+#include "devo/core/lone_crests.h"
 #include "devo/core/nearest_edge_field.h"
 #include "devo/core/noise_filter.h"
 #include "devo/core/surface_pool.h"
@@ -28,6 +29,8 @@ namespace {
 constexpr std::int64_t kRateWindow_ns = 20'000'000;
 // Events of noise that are expected in a moment: fewer tell nothing. This share of them are enough.
 constexpr double kLeastNoise = 100, kNoiseShare = 0.1;
+// Where noise is more than this share of a surface's events, not all of what chance makes of it is told by its height.
+constexpr double kMuchNoise = 0.1;
 constexpr std::int64_t kNoiseSpan_ns = 10'000'000;  // the moment: too little comes within less
 constexpr std::size_t kFilterBatch = 1024;          // events filtered and then looked up, still in the first cache
 // Shares of events that pass, and that are a lamp's, are learnt so fast, and no more extreme: more are not looked at.
@@ -467,6 +470,8 @@ void SurfaceBuilder::Impl::RenderCompensated(const std::optional<ExpectedMotion>
   const double noise_per_pixel = options.ideas.above_noise ? filter.passing_noise_hz() * surface->window_s : 0;
   const int threshold = CrestThreshold(blurred, options.crest_quantile, noise_per_pixel, options.blur_px);
   FindCrests(blurred, accumulated_sign, threshold, &surface->edges, options.ideas.clear_crests);
+  const double noise = noise_per_pixel * static_cast<double>(surface->image.total());
+  if (noise > kMuchNoise * surface->events_used) DropLoneCrests(surface->image.size(), &surface->edges);
   surface->nearest_edge.create(surface->image.size());
   BuildNearestEdgeField(surface->edges, options.truncation_px, &surface->nearest_edge);
   // For people: three times the crest threshold is white.

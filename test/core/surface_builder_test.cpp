@@ -407,6 +407,32 @@ TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfThe
   }
 }
 
+TEST(CompensatedSurface, HasItsEdgesOnWhatGoesOnAmongMuchNoise) {
+  SurfaceBuilder builder(TestCamera(), SurfaceOptions());
+  std::mt19937 random(3);
+  constexpr int kNoise = 1600, kEdge = 2 * kHeight;  // events in 10 ms: 8 Hz per pixel
+  const Vector6d turn = Twist(0, 0, 0, 0, -200 / TestCamera().fx(), 0);
+  SurfacePtr surface;
+  int column = 0;
+  for (int k = 1; k <= 60; ++k) {
+    std::vector<Event> events;
+    for (int i = 0; i < kNoise; ++i) {
+      events.push_back(At((k - 1) * 10'000'000LL + i * 6000, static_cast<int>(random() % kWidth),
+                          static_cast<int>(random() % kHeight)));
+    }
+    column = 2 * (k - 40);  // as the camera turns
+    for (int i = 0; column >= 0 && i < kEdge; ++i) {
+      events.push_back(At((k - 1) * 10'000'000LL + 9'900'000 + 10 * i, column + i % 2, i / 2));
+    }
+    builder.Insert(events);
+    surface = builder.Render(k * 10'000'000, turn, {});
+  }
+  ASSERT_GT(surface->edges.size(), 50U);
+  const auto beside = std::count_if(surface->edges.begin(), surface->edges.end(),
+                                    [&](const EdgePoint& edge) { return std::abs(edge.x - column) > 15; });
+  EXPECT_LT(beside, 0.02 * surface->edges.size());
+}
+
 TEST(CompensatedSurface, SaysThatNoEventsAreMissingAsLongAsNoiseGoesOn) {
   for (const int per_10ms : {1, 10}) {
     SurfaceOptions options;

@@ -128,7 +128,7 @@ void VisitIdeas(Options& o, Visitor&& visit) {
   visit("ablation.clear_crests", surface.clear_crests,
         "a crest stands out from both its sides; false: any ridge is an edge");
   visit("ablation.above_noise", surface.above_noise,
-        "crests are higher than noise alone makes them; false: above crest_quantile only");
+        "crests are higher than noise alone makes them and, among much of it, go on; false: above crest_quantile only");
   auto& mapping = o.mapping.ideas;
   visit("ablation.depth_of_rest", mapping.depth_of_rest,
         "the first map may be of the depth image of the rest before; false: it waits for one of the motion");

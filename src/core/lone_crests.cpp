@@ -47,7 +47,8 @@ void DropLoneCrests(cv::Size image, std::vector<EdgePoint>* crests) {
   cv::Mat1i crest_at(image, kNone);
   Groups groups(crests->size());
   for (std::size_t i = 0; i < crests->size(); ++i) {
-    const cv::Point at(cvRound((*crests)[i].x), cvRound((*crests)[i].y));
+    // Ridges between two pixels are common, and rounding halves to even would tear neighbours apart.
+    const cv::Point at(cvFloor((*crests)[i].x + 0.5F), cvFloor((*crests)[i].y + 0.5F));
     if (!inside.contains(at)) continue;
     for (int y = std::max(at.y - 1, 0); y <= std::min(at.y + 1, image.height - 1); ++y) {
       for (int x = std::max(at.x - 1, 0); x <= std::min(at.x + 1, image.width - 1); ++x) {

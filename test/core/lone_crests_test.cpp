@@ -59,6 +59,8 @@ TEST(LoneCrests, AtTheImagesBordersAreLookedAtWithinIt) {
   EXPECT_TRUE(Left(wrapped).empty());
 }
 
+TEST(LoneCrests, BetweenTwoPixelsAreTogetherAsThoseOnThem) { EXPECT_EQ(Left(Line(9, 10.5F, 20.5F)).size(), 9U); }
+
 TEST(LoneCrests, OfNoneAreNone) { EXPECT_TRUE(Left({}).empty()); }
 
 }  // namespace

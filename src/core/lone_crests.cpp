@@ -2,66 +2,35 @@
 #include "devo/core/lone_crests.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <cstdint>
-#include <numeric>
 
 #include <opencv2/core/mat.hpp>
+#include <opencv2/imgproc.hpp>
 
 namespace devo {
 namespace {
 
-constexpr int kLeastTogether = 9;  // crests, each a neighbour of another
-
-/// Which crests lie together (union-find).
-class Groups {
- public:
-  explicit Groups(std::size_t count) : parent_(count), size_(count, 1) {
-    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
-  }
-
-  void Join(std::size_t i, std::size_t j) {
-    const std::size_t a = RootOf(i), b = RootOf(j);
-    if (a == b) return;
-    parent_[a] = b;
-    size_[b] += size_[a];
-  }
-
-  int SizeOf(std::size_t i) { return size_[RootOf(i)]; }
-
- private:
-  std::size_t RootOf(std::size_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-
-  std::vector<std::size_t> parent_;
-  std::vector<int> size_;
-};
+// Ridges between two pixels are common, and rounding halves to even would tear neighbours apart.
+cv::Point PixelOf(const EdgePoint& crest) { return {cvFloor(crest.x + 0.5F), cvFloor(crest.y + 0.5F)}; }
 
 }  // namespace
 
 void DropLoneCrests(cv::Size image, std::vector<EdgePoint>* crests) {
-  constexpr std::int32_t kNone = -1;
   const cv::Rect inside(cv::Point(), image);
-  cv::Mat1i crest_at(image, kNone);
-  Groups groups(crests->size());
-  for (std::size_t i = 0; i < crests->size(); ++i) {
-    // Ridges between two pixels are common, and rounding halves to even would tear neighbours apart.
-    const cv::Point at(cvFloor((*crests)[i].x + 0.5F), cvFloor((*crests)[i].y + 0.5F));
-    if (!inside.contains(at)) continue;
-    for (int y = std::max(at.y - 1, 0); y <= std::min(at.y + 1, image.height - 1); ++y) {
-      for (int x = std::max(at.x - 1, 0); x <= std::min(at.x + 1, image.width - 1); ++x) {
-        if (crest_at(y, x) != kNone) groups.Join(i, static_cast<std::size_t>(crest_at(y, x)));
-      }
-    }
-    crest_at(at) = static_cast<std::int32_t>(i);
+  cv::Mat1b has_crest(image, std::uint8_t{0});
+  for (const EdgePoint& crest : *crests) {
+    if (inside.contains(PixelOf(crest))) has_crest(PixelOf(crest)) = 1;
   }
-  std::size_t left = 0;
-  for (std::size_t i = 0; i < crests->size(); ++i) {
-    if (groups.SizeOf(i) >= kLeastTogether) (*crests)[left++] = (*crests)[i];
+  cv::Mat1i group_at;
+  std::vector<int> size(static_cast<std::size_t>(cv::connectedComponents(has_crest, group_at)), 0);
+  for (const EdgePoint& crest : *crests) {
+    if (inside.contains(PixelOf(crest))) ++size[static_cast<std::size_t>(group_at(PixelOf(crest)))];
   }
-  crests->resize(left);
+  const auto is_lone = [&](const EdgePoint& crest) {
+    const cv::Point at = PixelOf(crest);
+    return !inside.contains(at) || size[static_cast<std::size_t>(group_at(at))] < kLeastCrestsTogether;
+  };
+  crests->erase(std::remove_if(crests->begin(), crests->end(), is_lone), crests->end());
 }
 
 }  // namespace devo

@@ -12,8 +12,10 @@
 
 namespace devo {
 
+constexpr int kLeastCrestsTogether = 9;
+
 /// Drops crests (px, in an image of this size) that with all that touch each other, pixel by pixel, are fewer than
-/// nine. Keeps the order of the others. One beyond its border is alone.
+/// that. Keeps the order of the others. One beyond the image's border is dropped.
 void DropLoneCrests(cv::Size image, std::vector<EdgePoint>* crests);
 
 }  // namespace devo

@@ -384,6 +384,13 @@ TEST(CompensatedSurface, DoesNotTakeALossOfEventsForAStandstill) {
   }
 }
 
+/// At the end of the k-th 10 ms: all that an edge makes of two columns.
+void AddEdge(int k, int column, std::vector<Event>* events) {
+  for (int i = 0; i < 2 * kHeight; ++i) {
+    events->push_back(At((k - 1) * 10'000'000LL + 9'900'000 + 10 * i, column + i % 2, i / 2));
+  }
+}
+
 TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfTheImageUnlessAnEdgeMoves) {
   for (const bool moves : {false, true}) {
     SurfaceBuilder builder(TestCamera(), SurfaceOptions());
@@ -396,9 +403,7 @@ TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfThe
         events.push_back(At((k - 1) * 10'000'000LL + i * 33'000, x, static_cast<int>(random() % kHeight)));
       }
       const int edge = k - 40;  // 200 px/s
-      for (int y = 0; moves && edge >= 0 && y < 2 * kHeight; ++y) {
-        events.push_back(At((k - 1) * 10'000'000LL + 9'900'000 + 10 * y, 2 * edge + y % 2, y / 2));
-      }
+      if (moves && edge >= 0) AddEdge(k, 2 * edge, &events);
       builder.Insert(events);
       surface = builder.Render(k * 10'000'000, Vector6d::Zero(), {});
     }
@@ -410,7 +415,7 @@ TEST(CompensatedSurface, SaysThatEventsMayBeNoiseWhereItDiffersBetweenPartsOfThe
 TEST(CompensatedSurface, HasItsEdgesOnWhatGoesOnAmongMuchNoise) {
   SurfaceBuilder builder(TestCamera(), SurfaceOptions());
   std::mt19937 random(3);
-  constexpr int kNoise = 1600, kEdge = 2 * kHeight;  // events in 10 ms: 8 Hz per pixel
+  constexpr int kNoise = 1600;  // events in 10 ms: 8 Hz per pixel
   const Vector6d turn = Twist(0, 0, 0, 0, -200 / TestCamera().fx(), 0);
   SurfacePtr surface;
   int column = 0;
@@ -421,9 +426,7 @@ TEST(CompensatedSurface, HasItsEdgesOnWhatGoesOnAmongMuchNoise) {
                           static_cast<int>(random() % kHeight)));
     }
     column = 2 * (k - 40);  // as the camera turns
-    for (int i = 0; column >= 0 && i < kEdge; ++i) {
-      events.push_back(At((k - 1) * 10'000'000LL + 9'900'000 + 10 * i, column + i % 2, i / 2));
-    }
+    if (column >= 0) AddEdge(k, column, &events);
     builder.Insert(events);
     surface = builder.Render(k * 10'000'000, turn, {});
   }

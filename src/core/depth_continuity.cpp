@@ -10,14 +10,15 @@
 namespace devo {
 namespace {
 
-// What is usual is the median of so many: neither the first ones, when poses are still to be found, nor slips of the
-// tracking make jumps usual.
-constexpr std::size_t kMinSteps = 5, kSteps = 15;
+// What is usual is the median of so many: slips of the tracking do not make jumps usual.
+constexpr std::size_t kSteps = 15;
 // Squares, over what is usual. Steps of real sensors, events in the dark and abrupt motion reach ten times that.
-constexpr double kJump = 25, kGoesOn = 9;
+constexpr double kJump = 25;
 constexpr double kLeastUsual = 1;
 // A camera that itself moved by so much otherwise than before may well have been tracked wrongly.
 constexpr double kSteadyShare = 1.0 / 16;
+// Squares, over the jump: once it has jumped, the next image is less than half as far off.
+constexpr double kGoesOnShare = 0.25;
 
 double Square(const Vector6d& v, const Matrix6d& information) { return v.dot(information * v); }
 
@@ -42,22 +43,25 @@ void DepthContinuity::Note(const Image& image, double apart) {
 }
 
 double DepthContinuity::Usual() const {
-  if (apart_.empty()) return kLeastUsual;
   return std::max(kLeastUsual, Median(std::vector<double>(apart_.begin(), apart_.end())));
 }
 
 DepthContinuity::Verdict DepthContinuity::Judge(const Image& image) {
   Verdict verdict = Verdict::kSteady;
   if (last_ && image.t_ns > last_->t_ns) {
-    const double apart = Apart(image), usual = Usual();
-    if (doubtful_) {
-      if (apart < kGoesOn * usual) verdict = Verdict::kJumped;
-      Reset();  // either way: what was usual is not any more
+    const double apart = Apart(image), unsteady = Unsteady(image);
+    const bool tracked_steadily = unsteady < kSteadyShare * apart;
+    if (doubted_) {
+      if (apart < kGoesOnShare * *doubted_) verdict = Verdict::kJumped;
+      // Either way what was usual is not any more; the camera goes on as it did.
+      doubted_.reset();
+      apart_.clear();
+    } else if (!apart_.empty() && apart > kJump * Usual() && tracked_steadily) {
+      verdict = Verdict::kDoubtful;
+      doubted_ = apart;
     } else {
-      const bool unusual = apart_.size() >= kMinSteps && apart > kJump * usual;
-      doubtful_ = unusual && Unsteady(image) < kSteadyShare * apart;
-      if (doubtful_) verdict = Verdict::kDoubtful;
-      if (!doubtful_) Note(image, apart);
+      // A step that was tracked badly, as the first ones are, does not make a jump usual.
+      Note(image, tracked_steadily ? apart : apart / std::max(1.0, unsteady));
     }
   }
   last_ = image;

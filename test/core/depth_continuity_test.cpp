@@ -67,9 +67,27 @@ TEST_F(DepthContinuityTest, ASlipOfTheTrackingIsNoJump) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(Next(kJump), Verdict::kSteady) << "depth is what brings it back";
 }
 
-TEST_F(DepthContinuityTest, WhatIsUsualIsNotKnownFromAFewImages) {
-  Begin(3);
+TEST_F(DepthContinuityTest, BeforeTheVelocityIsKnownNothingIsAJump) {
+  Begin(1);
   EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kSteady);
+}
+
+TEST_F(DepthContinuityTest, AJumpIsNoticedAsSoonAsTheVelocityIsKnown) {
+  Begin(2);
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kDoubtful);
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kJumped);
+}
+
+TEST_F(DepthContinuityTest, AJumpIsNoticedWhilePosesAreStillToBeFound) {
+  for (const double off : {0.012, -0.012, 0.006, 0.0, 0.0}) Next(Exp(Vector6d::Constant(off)));
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kDoubtful);
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kJumped);
+}
+
+TEST_F(DepthContinuityTest, AJumpIsCertainThoughTheNextImageDiffersMoreThanUsual) {
+  Begin();
+  EXPECT_EQ(Next(Rigid3(), kJump), Verdict::kDoubtful);
+  EXPECT_EQ(Next(Exp(Vector6d::Constant(0.0025)), kJump), Verdict::kJumped) << "but by far less than the jump";
 }
 
 TEST_F(DepthContinuityTest, ABeginningWithPoorPosesDoesNotHideAJump) {

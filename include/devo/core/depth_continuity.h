@@ -38,12 +38,12 @@ class DepthContinuity {
   /// Squared: what the camera was tracked to move otherwise than it moved before.
   double Unsteady(const Image& image) const;
   void Note(const Image& image, double apart);
-  double Usual() const;
+  double Usual() const;  // there are some
 
   std::optional<Image> last_;
   Vector6d velocity_ = Vector6d::Zero();  // [v; omega], m/s and rad/s, as tracked up to the last image
-  std::deque<double> apart_;              // of the last images
-  bool doubtful_ = false;
+  std::deque<double> apart_;              // of the last images, as far as the tracking was not to blame
+  std::optional<double> doubted_;         // how far apart the last image is, if it is doubtful
 };
 
 }  // namespace devo

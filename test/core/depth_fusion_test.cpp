@@ -318,6 +318,18 @@ TEST(DepthFusion, LearnsByHowMuchDepthImagesAreLate) {
   EXPECT_NEAR(fusion.delay().Get(0), late_s, 1e-3);
 }
 
+TEST(DepthFusion, LearnsNoDelayFromAPoseThatWasFalse) {
+  const Vector6d velocity = (Vector6d() << 0.4, 0.1, -0.2, 1.5, -1, 0.1).finished();
+  DepthPose pose = PoseAt(kPeriod_ns, Exp(0.08 * velocity));
+  pose.per_delay = velocity;
+  pose.confirmed = true;
+  DepthFusion fusion;
+  const auto correction = fusion.Correct(pose, EstimateAt(Rigid3()));
+  ASSERT_TRUE(correction);
+  EXPECT_GT(correction->widened, 1);
+  EXPECT_EQ(fusion.delay().Get(0), 0);
+}
+
 TEST(DepthFusion, LearnsAClearDelayFromTheFirstImagesAndDoesNotMoveThePoseForIt) {
   const double late_s = 0.01;
   DepthFusion fusion;

@@ -12,6 +12,8 @@ constexpr double kLeastShare = 1.0 / 16;
 constexpr double kFittingSquare = 0.3;
 // Of the accelerations found, which are smoothed.
 constexpr double kTimesFound = 30;
+// Surprises may be noise as well, and say nothing of motions that are livelier than options take one to be.
+constexpr double kTimesFoundOfLivelier = 1.4, kLiveliestShare = 4;
 // It must not miss a stop, and forgets a shake soon enough to help.
 constexpr double kGrows_s = 0.02, kFades_s = 0.25;
 
@@ -20,7 +22,8 @@ constexpr double kGrows_s = 0.02, kFades_s = 0.25;
 void Manoeuvre::Note(double dt_s, double moved_square, double acceleration_square) {
   const double now = std::max(moved_square / kFittingSquare * share_, kTimesFound * acceleration_square);
   if (!std::isfinite(now) || !(dt_s > 0)) return;
-  const double bounded = std::clamp(now, kLeastShare, 1.0);
+  const double livelier = std::min(kTimesFoundOfLivelier * acceleration_square, kLiveliestShare);
+  const double bounded = std::max(std::clamp(now, kLeastShare, 1.0), livelier);
   share_ += (1 - std::exp(-dt_s / (bounded > share_ ? kGrows_s : kFades_s))) * (bounded - share_);
 }
 

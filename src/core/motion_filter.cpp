@@ -225,17 +225,17 @@ void MotionFilter::SetMotion(const Vector6d& sigma_velocity) {
   P_.middleRows<12>(State::kV).setZero();
   P_.middleCols<12>(State::kV).setZero();
   P_.diagonal().segment<6>(State::kV) = sigma_velocity.cwiseAbs2();
-  P_.diagonal().segment<6>(State::kA) = LiveliestVariance();
+  P_.diagonal().segment<6>(State::kA) = LivelyVariance();
   manoeuvre_.Reset();
 }
 
-Vector6d MotionFilter::LiveliestVariance() const {
+Vector6d MotionFilter::LivelyVariance() const {
   return Both(options_.acceleration_m_s2, options_.angular_acceleration_rad_s2).cwiseAbs2();
 }
 
 void MotionFilter::AddJerk(double dt_s) {
   // Singer: the acceleration's variance is stationary, its density follows from the time it takes to fade.
-  const Vector6d q = 2 / kManeuver_s * manoeuvre_.variance_share() * LiveliestVariance();
+  const Vector6d q = 2 / kManeuver_s * manoeuvre_.variance_share() * LivelyVariance();
   const double d = dt_s, d2 = d * d, d3 = d2 * d, d4 = d3 * d, d5 = d4 * d;
   for (int i = 0; i < 6; ++i) {
     const int v = i + State::kV, a = i + State::kA;
@@ -399,11 +399,11 @@ void MotionFilter::NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected
   if (!options_.ideas.calm_motion || (read_ns_ && t_ns_ - *read_ns_ < kMaxImuGap_ns)) return;
   const double since_s = SecondsFromNs(t_ns_ - std::exchange(manoeuvre_ns_, t_ns_));
   const double before = manoeuvre_.variance_share();
-  const Vector6d found = state_.acceleration.cwiseAbs2().cwiseQuotient(LiveliestVariance());
+  const Vector6d found = state_.acceleration.cwiseAbs2().cwiseQuotient(LivelyVariance());
   manoeuvre_.Note(since_s, NormalisedSquare(moved, expected) / 6,
                   std::max(found.head<3>().mean(), found.tail<3>().mean()));
   // So much more is possible than was when the acceleration was found.
-  P_.diagonal().segment<6>(State::kA) += std::max(0.0, manoeuvre_.variance_share() - before) * LiveliestVariance();
+  P_.diagonal().segment<6>(State::kA) += std::max(0.0, manoeuvre_.variance_share() - before) * LivelyVariance();
 }
 
 void MotionFilter::NoteFit(const Vector6d& moved, Shown shown, const Matrix6d& information, double variance_scale) {

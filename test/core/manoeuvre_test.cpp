@@ -28,6 +28,21 @@ TEST(Manoeuvre, StaysLivelyWhereThePosesSurpriseOrTheAccelerationFoundIsLarge) {
   EXPECT_EQ(After(1, 0.01, 0.05).variance_share(), 1);
 }
 
+TEST(Manoeuvre, ExpectsMoreThanOptionsSayWhereAccelerationsFoundAreAsLargeWithinBounds) {
+  EXPECT_NEAR(After(1, 0.01, 2).variance_share(), 2.8, 0.01);
+  EXPECT_NEAR(After(1, 0.01, 100).variance_share(), 4, 0.01);
+}
+
+TEST(Manoeuvre, TakesSurprisesForNoiseBeforeForAMotionThatIsLivelierThanOptionsSay) {
+  EXPECT_EQ(After(1, 100, 0.4).variance_share(), 1);
+}
+
+TEST(Manoeuvre, ForgetsALivelyMotionWithinASecond) {
+  Manoeuvre manoeuvre = After(1, 0.01, 100);
+  for (double t = 0; t < 1; t += kStep_s) manoeuvre.Note(kStep_s, 0.5, 0.01);
+  EXPECT_LT(manoeuvre.variance_share(), 1.1);
+}
+
 TEST(Manoeuvre, ExpectsMuchAgainWithinAFewPosesOfASurprise) {
   Manoeuvre manoeuvre = After(2, 0.01, 1e-5);
   for (int i = 0; i < 4; ++i) manoeuvre.Note(kStep_s, 20, 1e-5);

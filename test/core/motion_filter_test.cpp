@@ -75,12 +75,38 @@ double SpreadAfter(const std::function<Rigid3(std::int64_t)>& pose_at, bool calm
 }
 
 /// A quarter of a second forth, as long back.
-Rigid3 ShakenAt(std::int64_t t_ns) { return Exp(0.3 * std::sin(2 * M_PI * 2 * SecondsFromNs(t_ns)) * Twist()); }
+std::function<Rigid3(std::int64_t)> Shaken(double amplitude) {
+  return [amplitude](std::int64_t t_ns) {
+    return Exp(amplitude * std::sin(2 * M_PI * 2 * SecondsFromNs(t_ns)) * Twist());
+  };
+}
 
 TEST(MotionFilter, PredictsACalmMotionMoreSurelyThanALivelyOne) {
-  EXPECT_LT(SpreadAfter(TrueAt), 0.4 * SpreadAfter(ShakenAt));
+  const auto lively = Shaken(0.03);
+  EXPECT_LT(SpreadAfter(TrueAt), 0.4 * SpreadAfter(lively));
   EXPECT_LT(SpreadAfter(TrueAt), 0.4 * SpreadAfter(TrueAt, false));
-  EXPECT_NEAR(SpreadAfter(ShakenAt), SpreadAfter(ShakenAt, false), 0.1 * SpreadAfter(ShakenAt));
+  EXPECT_NEAR(SpreadAfter(lively), SpreadAfter(lively, false), 0.1 * SpreadAfter(lively));
+}
+
+TEST(MotionFilter, PredictsAMotionThatIsLivelierThanOptionsSayLessSurely) {
+  EXPECT_GT(SpreadAfter(Shaken(0.3)), 1.5 * SpreadAfter(Shaken(0.3), false));
+}
+
+TEST(MotionFilter, LagsLessBehindAMotionThatIsLivelierThanOptionsSay) {
+  const auto lag = [](bool calm_motion) {
+    TrackingOptions options;
+    options.ideas.calm_motion = calm_motion;
+    MotionFilter filter{options};
+    const auto pose_at = Shaken(0.3);
+    filter.Start(0, pose_at(0));
+    double worst = 0;
+    for (int k = 1; k <= 200; ++k) {
+      filter.Update(k * kPeriod_ns, {pose_at(k * kPeriod_ns), 3e4 * Matrix6d::Identity(), Vector6d::Zero()});
+      if (k > 100) worst = std::max(worst, Log(filter.pose().inverse() * pose_at(k * kPeriod_ns)).norm());
+    }
+    return worst;
+  };
+  EXPECT_LT(lag(true), 0.7 * lag(false));
 }
 
 TEST(MotionFilter, FollowsAMotionThatTurnsRoundAfterItWasCalm) {

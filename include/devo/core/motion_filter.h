@@ -171,8 +171,8 @@ class MotionFilter {
   Matrix6d PriorCovariance(Shown shown) const;
   void Condition(std::int64_t t_ns, Shown shown, const Rigid3& T_world_measured, const Matrix6d& information,
                  double variance_scale);
-  /// Of the accelerations [a; alpha] that the options allow, squared.
-  Vector6d LiveliestVariance() const;
+  /// Of the accelerations [a; alpha] of a lively motion, as options have them.
+  Vector6d LivelyVariance() const;
   /// `moved`: from the predicted pose to the measured one; `expected`: what was stated of that.
   void NoteManoeuvre(const Vector6d& moved, const Matrix6d& expected);
   /// `moved`: from what was predicted to what was measured.

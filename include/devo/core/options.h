@@ -182,8 +182,8 @@ void VisitIdeas(Options& o, Visitor&& visit) {
         "what successive alignments err alike is told from motion by its likeness; false: each errs by itself, twice "
         "as much");
   visit("ablation.calm_motion", tracking.calm_motion,
-        "without an inertial sensor the prior takes a calm motion to stay calm; false: always as lively as options "
-        "allow");
+        "without an inertial sensor the prior takes a calm motion to stay calm, and one livelier than options say to "
+        "stay so; false: always as lively as options say");
   visit("ablation.motion_prior", tracking.motion_prior,
         "the prediction holds directions that the edges leave open; false: it is the start only");
   visit("ablation.search", tracking.search, "a better pose is sought when one matches less than usual; false: never");

@@ -145,9 +145,9 @@ std::optional<DepthFusion::Correction> DepthFusion::Correct(const DepthPose& dep
   const Matrix6d s_inverse = (covariance + R).ldlt().solve(I);
   // Where directions are open, too little is left to tell a delay from an error of the velocity, and of a pose that was
   // false any delay would explain a part.
+  const bool tells_delay = knows_all && !contradicts;
   const Matrix6d alike = kMapsApart * kMapsApart * I;
-  const Vector6d gain =
-      (knows_all && !contradicts ? delay_.variance_s2() : 0) * ((covariance + R + alike).ldlt().solve(per_delay));
+  const Vector6d gain = (tells_delay ? delay_.variance_s2() : 0) * ((covariance + R + alike).ldlt().solve(per_delay));
   delay_.Step(gain.dot(residual), gain.dot(per_delay), estimate.event_delay_s);
   return Correction{covariance * (s_inverse * residual), R.ldlt().solve(I), widened};
 }

@@ -101,7 +101,7 @@ TEST(MotionFilter, LagsLessBehindAMotionThatIsLivelierThanOptionsSay) {
     filter.Start(0, pose_at(0));
     double worst = 0;
     for (int k = 1; k <= 200; ++k) {
-      filter.Update(k * kPeriod_ns, {pose_at(k * kPeriod_ns), 3e4 * Matrix6d::Identity(), Vector6d::Zero()});
+      filter.Update(k * kPeriod_ns, {pose_at(k * kPeriod_ns), 3e4 * Matrix6d::Identity(), Vector6d::Zero(), 0, 1});
       if (k > 100) worst = std::max(worst, Log(filter.pose().inverse() * pose_at(k * kPeriod_ns)).norm());
     }
     return worst;

@@ -69,6 +69,7 @@ Mapper::Mapper(const Rig& rig, const OdometryOptions& options)
 void Mapper::Reset() {
   surfaces_.clear();
   depths_.clear();
+  move_.reset();
   sweeps_.clear();
   lidar_.Clear();
   lidar_depth_ = DepthImage();
@@ -157,6 +158,7 @@ void Mapper::AddDepth(const DepthImage& depth) {
   const std::int64_t t_ns = depth.t_ns + NsFromSeconds(delays_.EventsAfterDepth_s());
   // What is later than this one had a wrong stamp, and would hold it up.
   while (!depths_.empty() && depths_.back().t_ns > t_ns) depths_.pop_back();
+  if (depths_.empty()) move_.reset();
   depths_.push_back(depth);
   depths_.back().t_ns = t_ns;
   // They carry the odometry through a gap of the events, all of it: the first ones as much as the last.
@@ -201,25 +203,34 @@ LocalMapPtr Mapper::Update() {
   return changed || ViewMoved() ? MakeLocalMap(by_depth.found) : nullptr;
 }
 
+bool Mapper::IsDepthReady() const {
+  if (depths_.empty() || surfaces_.empty() || surfaces_.back()->t_edges_ns < depths_.front().t_ns) return false;
+  // With a map, wait for the pose of the surface.
+  return map_.empty() || (!poses_.empty() && poses_.last_time_ns() >= surfaces_.back()->t_edges_ns);
+}
+
+void Mapper::AlignDepth() {
+  if (!move_ && IsDepthReady()) move_ = MoveBy(depths_.front());
+}
+
 Mapper::Change Mapper::UpdateFromDepth() {
   Change change;
-  while (!depths_.empty() && !surfaces_.empty() && surfaces_.back()->t_edges_ns >= depths_.front().t_ns) {
+  while (IsDepthReady()) {
+    AlignDepth();
     const DepthImage& depth = depths_.front();
-    // With a map, wait for the pose of the surface.
-    if (!map_.empty() && (poses_.empty() || poses_.last_time_ns() < surfaces_.back()->t_edges_ns)) break;
-    const auto move = AlignDepth(depth);
+    const Move move = *std::exchange(move_, std::nullopt);
     const SurfacePtr surface = SurfaceFor(depth.t_ns);
     bool added = false;
-    if (IsOfItsTime(*surface, depth.t_ns) && move) {
+    if (IsOfItsTime(*surface, depth.t_ns) && !move.repeated) {
       if (map_.empty() && (surface->still || surface->maybe_noise)) depth_of_rest_.Keep(depth, *surface);
       const bool first = map_.empty();
-      added = Process(depth, surface, *move, &counters_);
+      added = Process(depth, surface, move, &counters_);
       if (first && !map_.empty()) first_depth_ = {depth, false};
     }
     depths_.pop_front();
     ForgetSurfacesBefore(surface);
     change.any |= added;
-    change.found = added && move->found;
+    change.found = added && move.found;
     if (change.found) break;
   }
   return change;
@@ -258,14 +269,14 @@ void Mapper::KeepFirstDepth() {
   depth_keyframes_.KeepFirst(first->depth, ViewAt(first->depth.t_ns, *T_world_then), !first->of_rest);
 }
 
-std::optional<Mapper::Move> Mapper::AlignDepth(const DepthImage& depth) {
+Mapper::Move Mapper::MoveBy(const DepthImage& depth) {
   if (!options_.mapping.align_depth || map_.empty()) return Move();
   KeepFirstDepth();
   const auto T_world_then = poses_.At(depth.t_ns, 0.05);
   if (!T_world_then) return Move();
   if (depth_repeats_.IsRepeat(depth.depth_m, *T_world_then)) {
     ++counters_.depth_repeated;
-    return std::nullopt;
+    return {Rigid3(), /*found=*/false, /*repeated=*/true};
   }
   auto pose = depth_keyframes_.Align(depth, ViewAt(depth.t_ns, *T_world_then));
   counters_.depth_jumps = depth_keyframes_.jumps();
@@ -278,7 +289,7 @@ std::optional<Mapper::Move> Mapper::AlignDepth(const DepthImage& depth) {
   const bool found = lost_ && pose->confirmed;
   const Rigid3 T_world_event = found ? pose->T_world_event : Corrected(*T_world_then, covariance_, *pose);
   depth_repeats_.Note(depth.depth_m, T_world_event, *pose);
-  return Move{T_world_event * T_world_then->inverse(), found};
+  return {T_world_event * T_world_then->inverse(), found};
 }
 
 bool Mapper::BeginFromRest() {

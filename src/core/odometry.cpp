@@ -18,8 +18,9 @@
 namespace devo {
 namespace {
 
-/// What a depth image gave is used from the surface so many after the next one on, whether it was ready before or not:
-/// mapping has that long to run beside tracking, and the result is the same with and without threads.
+/// A map is used from the surface so many after the next one on, whether it was ready before or not: mapping has that
+/// long to run beside tracking, and the result is the same with and without threads. The next surface waits for where
+/// depth saw the camera, though: in fast motion every moment that a velocity goes on uncorrected counts.
 constexpr std::size_t kMapDelay = 2;
 
 constexpr double kLongestSilence_s = 3600;
@@ -47,8 +48,8 @@ struct Tracked {
 };
 
 struct Mapped {
-  LocalMapPtr map;  // null where it did not change
-  std::vector<DepthPose> depth_poses;
+  LocalMapPtr map;                     // null where it did not change
+  std::vector<DepthPose> depth_poses;  // where more than one image was due
   SceneDepth scene_depth;
   MappingCounters counters;
   float ms;
@@ -74,7 +75,9 @@ struct Odometry::Impl {
   std::vector<ImuSample> imu;                 // since the last surface
   SurfacePtr surface;                         // the last one
   std::shared_future<Tracked> tracked;
-  std::deque<std::future<Mapped>> mapped;  // of the last surfaces, oldest first
+  std::deque<std::future<std::vector<DepthPose>>> aligned;  // of the last surfaces, oldest first
+  bool depth_came = false;                                  // the last of them that was taken had a depth image
+  std::deque<std::future<Mapped>> mapped;                   // of the last surfaces, oldest first
   MappingCounters mapping_counters;
   Timings timings;
   bool threaded;
@@ -115,6 +118,8 @@ void Odometry::Step() {
   TakePose();
   m.motion = m.last_motion;
   TakeMaps(kMapDelay);
+  // The surface after one with a depth image, which is being mapped yet, hardly ever has another: it is not waited for.
+  TakeDepthPoses(m.depth_came ? 1 : 0);
   for (const ImuSample& sample : m.imu) m.tracker.AddImu(sample);
   m.imu.clear();
 
@@ -130,15 +135,28 @@ void Odometry::Step() {
     }
     return {std::move(pose), motion, tracking.ms()};
   });
-  m.mapped.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked]() -> Mapped {
+  MapBeside(surface);
+  if (!m.threaded) TakePose();
+}
+
+void Odometry::MapBeside(const SurfacePtr& surface) {
+  Impl& m = *impl_;
+  const auto aligning_ms = std::make_shared<float>();
+  m.aligned.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked, aligning_ms] {
     const std::optional<PoseEstimate>& pose = tracked.get().pose;
-    const Stopwatch mapping;
+    const Stopwatch aligning;
     m.mapper.AddSurface(surface);
     if (pose) m.mapper.AddPose(*pose);
-    LocalMapPtr map = m.mapper.Update();
-    return {std::move(map), m.mapper.TakeDepthPoses(), m.mapper.scene_depth(), m.mapper.counters(), mapping.ms()};
+    m.mapper.AlignDepth();
+    *aligning_ms = aligning.ms();
+    return m.mapper.TakeDepthPoses();
   }));
-  if (!m.threaded) TakePose();
+  m.mapped.push_back(m.mapping_thread.Run([&m, aligning_ms]() -> Mapped {
+    const Stopwatch mapping;
+    LocalMapPtr map = m.mapper.Update();
+    return {std::move(map), m.mapper.TakeDepthPoses(), m.mapper.scene_depth(), m.mapper.counters(),
+            *aligning_ms + mapping.ms()};
+  }));
 }
 
 void Odometry::TakePose() {
@@ -148,6 +166,18 @@ void Odometry::TakePose() {
   m.timings.tracking_ms.push_back(tracked.ms);
   m.last_motion = tracked.motion;
   if (tracked.pose && on_pose) on_pose(*tracked.pose, *m.surface);
+}
+
+void Odometry::TakeDepthPoses(std::size_t but_last) {
+  Impl& m = *impl_;
+  m.depth_came = false;
+  while (m.aligned.size() > but_last) {
+    auto next = std::move(m.aligned.front());
+    m.aligned.pop_front();
+    const std::vector<DepthPose> poses = next.get();
+    m.depth_came = !poses.empty();
+    for (const DepthPose& pose : poses) m.tracker.AddDepthPose(pose);
+  }
 }
 
 void Odometry::TakeMaps(std::size_t but_last) {
@@ -169,6 +199,7 @@ void Odometry::TakeMaps(std::size_t but_last) {
 void Odometry::Finish() {
   TakePose();
   TakeMaps(0);
+  TakeDepthPoses(0);
 }
 
 void Odometry::AddDepth(const DepthImage& depth) {

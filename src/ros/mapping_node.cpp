@@ -252,6 +252,9 @@ void MappingNode::Map(const Work& work) {
   // Surfaces first: those of a new epoch have the mapper forget what it was given before.
   Feed(work.surfaces, *work.answer);
   for (const DepthMessage& message : work.depths) AddDepth(message);
+  // Tracking need not wait for the map to learn where depth saw the camera.
+  mapper_->AlignDepth();
+  PublishDepthPoses();
   const LocalMapPtr map = mapper_->Update();
   const double ms = 1e3 * (ros::WallTime::now() - begin).toSec();
   if (mapper_->last_match().surface && !resolved_.rig.depth_from_lidar) JudgeAlignment(mapper_->last_match());
@@ -260,9 +263,7 @@ void MappingNode::Map(const Work& work) {
     scene_depth_ns_ = mapper_->scene_depth().t_ns;
     scene_depth_publisher_.publish(boost::make_shared<const SceneDepth>(mapper_->scene_depth()));
   }
-  for (const DepthPose& pose : mapper_->TakeDepthPoses()) {
-    depth_pose_publisher_.publish(boost::make_shared<const DepthPose>(pose));
-  }
+  PublishDepthPoses();
   if (map) {
     // Until then all poses wait for this thread.
     if (!std::exchange(yields_, true)) LetOthersFirst();
@@ -273,6 +274,12 @@ void MappingNode::Map(const Work& work) {
   const std::lock_guard<std::mutex> lock(mutex_);
   scene_depth_ = mapper_->scene_depth();
   if (!work.depths.empty()) mapping_ms_.Add(ms);
+}
+
+void MappingNode::PublishDepthPoses() {
+  for (const DepthPose& pose : mapper_->TakeDepthPoses()) {
+    depth_pose_publisher_.publish(boost::make_shared<const DepthPose>(pose));
+  }
 }
 
 void MappingNode::NoteCounters() {

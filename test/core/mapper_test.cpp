@@ -649,6 +649,48 @@ TEST(Mapper, SaysWhereTheCameraWasByDepthUnlessThatIsSwitchedOff) {
   EXPECT_TRUE(PosesByDepth(options, off).empty());
 }
 
+TEST(Mapper, SaysWhereTheCameraWasBeforeItMapsTheDepthImageIfAskedTo) {
+  Mapper at_once(RoomRig(), OdometryOptions()), first(RoomRig(), OdometryOptions());
+  for (int k = 1; k <= 5; ++k) {
+    for (Mapper* mapper : {&at_once, &first}) {
+      mapper->AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
+      if (k > 1) mapper->AddPose(PoseAt(100 * k * kMs));
+      mapper->AddDepth({100 * k * kMs, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, k)});
+    }
+    first.AlignDepth();
+    const auto poses = first.TakeDepthPoses();
+    first.Update();
+    EXPECT_TRUE(first.TakeDepthPoses().empty()) << "each image is aligned once";
+    at_once.Update();
+    const auto expected = at_once.TakeDepthPoses();
+    ASSERT_EQ(poses.size(), expected.size());
+    ASSERT_EQ(poses.size(), k < 3 ? 0U : 1U);
+    if (!poses.empty()) EXPECT_EQ(poses[0].T_world_event.translation(), expected[0].T_world_event.translation());
+  }
+  EXPECT_EQ(first.counters().depth_aligned, 3U);
+  EXPECT_EQ(first.counters().depth_used, 5U);
+  EXPECT_EQ(first.GlobalMap().size(), at_once.GlobalMap().size());
+}
+
+TEST(Mapper, AlignsTheImageThatTookThePlaceOfOneWithAWrongStamp) {
+  Mapper mapper(RoomRig(), OdometryOptions());
+  for (int k = 1; k <= 4; ++k) {
+    mapper.AddSurface(SurfaceAt(100 * k * kMs, Edges(600, 16)));
+    if (k > 1) mapper.AddPose(PoseAt(100 * k * kMs));
+    if (k < 4) mapper.AddDepth({100 * k * kMs, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, k)});
+    if (k < 4) mapper.Update();
+  }
+  mapper.TakeDepthPoses();
+  mapper.AddDepth({400 * kMs, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, 4)});
+  mapper.AlignDepth();
+  EXPECT_THAT(mapper.TakeDepthPoses(), SizeIs(1));
+  mapper.AddDepth({390 * kMs, DepthSeen(Rigid3(), 0.002, DepthScene::kRoom, 5)});
+  mapper.Update();
+  const auto poses = mapper.TakeDepthPoses();
+  ASSERT_THAT(poses, SizeIs(1));
+  EXPECT_EQ(poses[0].t_ns, 390 * kMs);
+}
+
 /// Whether a depth image is confirmed of which tracking, like this, is off by 17 mm.
 bool IsConfirmed(const PoseEstimate& like, std::int64_t period_ns, bool doubt_events = true) {
   OdometryOptions options;

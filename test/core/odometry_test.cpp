@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -146,7 +147,8 @@ struct Outcome {
 };
 
 /// Feeds the sequence, events in slices of random sizes up to `max_slice`.
-Outcome OutcomeWith(std::size_t max_slice, int threads = 1) {
+Outcome OutcomeWith(std::size_t max_slice, int threads = 1,
+                    const std::function<DepthImage(std::int64_t)>& depth_at = DepthOfCorner) {
   static const std::vector<Event> events = MakeEvents();
   Odometry odometry(TestRig(), WithoutFilter(), threads);
   Outcome run;
@@ -159,7 +161,7 @@ Outcome OutcomeWith(std::size_t max_slice, int threads = 1) {
   std::uniform_int_distribution<std::size_t> size(1, max_slice);
   std::size_t next = 0;
   for (std::int64_t depth_ns = kStart_ns; next < events.size(); depth_ns += kDepthPeriod_ns) {
-    odometry.AddDepth(DepthOfCorner(depth_ns));
+    odometry.AddDepth(depth_at(depth_ns));
     while (next < events.size() && events[next].t_ns < depth_ns + kDepthPeriod_ns) {
       std::size_t end = next;
       for (std::size_t n = size(random); n > 0 && end < events.size() && events[end].t_ns < depth_ns + kDepthPeriod_ns;
@@ -248,6 +250,27 @@ TEST(Odometry, GivesTheSamePosesAndMapsWithThreads) {
   }
   EXPECT_EQ(other.counters.mapping.depth_used, reference.counters.mapping.depth_used);
   EXPECT_EQ(other.surfaces, reference.surfaces);
+}
+
+TEST(Odometry, FollowsADepthImageFromThePoseAfterTheFirstOneThatItsTimeLiesBefore) {
+  const std::int64_t other_ns = kStart_ns + 20 * kDepthPeriod_ns;
+  const auto with_other = [other_ns](std::int64_t t_ns) {
+    DepthImage depth = DepthOfCorner(t_ns);
+    if (t_ns == other_ns) depth.depth_m = cv::Mat1f(depth.depth_m * 1.002);
+    return depth;
+  };
+  for (const int threads : {1, 2}) {
+    const auto as_it_is = OutcomeWith(1000, threads).poses, otherwise = OutcomeWith(1000, threads, with_other).poses;
+    ASSERT_EQ(as_it_is.size(), otherwise.size());
+    const auto same = [](const PoseEstimate& a, const PoseEstimate& b) {
+      return a.T_world_event.translation() == b.T_world_event.translation();
+    };
+    const auto first = std::mismatch(as_it_is.begin(), as_it_is.end(), otherwise.begin(), same).first;
+    ASSERT_GT(first - as_it_is.begin(), 2);
+    ASSERT_NE(first, as_it_is.end());
+    EXPECT_LT((first - 2)->t_edges_ns, other_ns);
+    EXPECT_GE((first - 1)->t_edges_ns, other_ns);
+  }
 }
 
 TEST(Odometry, DeliversAnErrorOfItsThreadsToTheCaller) {

@@ -45,12 +45,16 @@ class Mapper {
   /// Of a rig with `depth_from_lidar`: in place of depth images.
   void AddSweep(LidarSweep sweep);
 
+  /// Aligns the depth image that Update would process next, if what it needs has come: where the camera was by it is
+  /// then known before the map is. Update does so itself where this was not called.
+  void AlignDepth();
+
   /// Processes the depth images for which a surface at or after their time, and its pose, have come, and the sweeps,
   /// which become depth images of the newest surface. The first map may be of the depth of the rest before. Returns the
   /// local map when it changed (a new reference, or the view has moved on), else null.
   LocalMapPtr Update();
 
-  /// Where the camera was by the depth images that the last Update processed, if they say so; empties.
+  /// Where the camera was by the depth images that were aligned since the last call, if they say so; empties.
   std::vector<DepthPose> TakeDepthPoses() { return std::exchange(depth_poses_, {}); }
 
   const SceneDepth& scene_depth() const { return scene_depth_; }
@@ -105,10 +109,12 @@ class Mapper {
   /// By how much (T_new_old, of the world) tracking will move the poses of its moment once it knows of the image.
   struct Move {
     Rigid3 T_moved_world;
-    bool found = false;  ///< the camera was lost, and the image tells where it is
+    bool found = false;     ///< the camera was lost, and the image tells where it is
+    bool repeated = false;  ///< the image is not of its time
   };
-  /// Empty where the image is not of its time.
-  std::optional<Move> AlignDepth(const DepthImage& depth);
+  /// Whether what the first image that waits needs has come.
+  bool IsDepthReady() const;
+  Move MoveBy(const DepthImage& depth);
   /// Puts what it adds to the map where tracking will be after the move: from where it was, the map would pull poses
   /// back. `of_depth`: where the image is counted.
   bool Process(const DepthImage& depth, const SurfacePtr& surface, const Move& move, MappingCounters* of_depth);
@@ -168,6 +174,7 @@ class Mapper {
   std::vector<DepthPose> depth_poses_;
   std::deque<SurfacePtr> surfaces_;
   std::deque<DepthImage> depths_;
+  std::optional<Move> move_;  // by the first of these, once it was aligned
   std::deque<LidarSweep> sweeps_;
   DepthImage lidar_depth_;
   PoseHistory poses_;

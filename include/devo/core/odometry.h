@@ -77,7 +77,9 @@ class Odometry {
 
  private:
   void Step();
+  void MapBeside(const SurfacePtr& surface);
   void TakePose();
+  void TakeDepthPoses(std::size_t but_last);
   void TakeMaps(std::size_t but_last);
 
   struct Impl;

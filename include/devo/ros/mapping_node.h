@@ -66,6 +66,7 @@ class MappingNode {
   std::optional<Work> TakeWork();
   bool Step();
   void Map(const Work& work);
+  void PublishDepthPoses();
   void NoteCounters();
   std::deque<DepthMessage> TakeDepth();
   void AddDepth(const DepthMessage& message);

@@ -48,8 +48,7 @@ struct Tracked {
 };
 
 struct Mapped {
-  LocalMapPtr map;                     // null where it did not change
-  std::vector<DepthPose> depth_poses;  // where more than one image was due
+  LocalMapPtr map;  // null where it did not change
   SceneDepth scene_depth;
   MappingCounters counters;
   float ms;
@@ -149,13 +148,13 @@ void Odometry::MapBeside(const SurfacePtr& surface) {
     if (pose) m.mapper.AddPose(*pose);
     m.mapper.AlignDepth();
     *aligning_ms = aligning.ms();
+    // Where more than one image was due, the others were aligned with the surface before, and come first.
     return m.mapper.TakeDepthPoses();
   }));
   m.mapped.push_back(m.mapping_thread.Run([&m, aligning_ms]() -> Mapped {
     const Stopwatch mapping;
     LocalMapPtr map = m.mapper.Update();
-    return {std::move(map), m.mapper.TakeDepthPoses(), m.mapper.scene_depth(), m.mapper.counters(),
-            *aligning_ms + mapping.ms()};
+    return {std::move(map), m.mapper.scene_depth(), m.mapper.counters(), *aligning_ms + mapping.ms()};
   }));
 }
 
@@ -189,7 +188,6 @@ void Odometry::TakeMaps(std::size_t but_last) {
     m.timings.mapping_ms.push_back(mapped.ms);
     m.scene_depth = mapped.scene_depth;
     m.mapping_counters = mapped.counters;
-    for (const DepthPose& pose : mapped.depth_poses) m.tracker.AddDepthPose(pose);
     if (!mapped.map) continue;
     m.tracker.SetMap(mapped.map);
     if (on_local_map) on_local_map(mapped.map);

@@ -64,8 +64,9 @@ struct Odometry::Impl {
 
   OdometryOptions options;
   SurfaceBuilder surfaces;
-  Mapper mapper;    // mapping_thread's
-  Tracker tracker;  // tracking_thread's, while `tracked` is open
+  Mapper mapper;          // mapping_thread's
+  float aligning_ms = 0;  // mapping_thread's, of the surface that it maps
+  Tracker tracker;        // tracking_thread's, while `tracked` is open
   std::int64_t period_ns;
   std::int64_t next_ns = 0;  // time of the next surface; 0 before the first event
   SceneDepth scene_depth;
@@ -140,21 +141,20 @@ void Odometry::Step() {
 
 void Odometry::MapBeside(const SurfacePtr& surface) {
   Impl& m = *impl_;
-  const auto aligning_ms = std::make_shared<float>();
-  m.aligned.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked, aligning_ms] {
+  m.aligned.push_back(m.mapping_thread.Run([&m, surface, tracked = m.tracked] {
     const std::optional<PoseEstimate>& pose = tracked.get().pose;
     const Stopwatch aligning;
     m.mapper.AddSurface(surface);
     if (pose) m.mapper.AddPose(*pose);
     m.mapper.AlignDepth();
-    *aligning_ms = aligning.ms();
+    m.aligning_ms = aligning.ms();
     // Where more than one image was due, the others were aligned with the surface before, and come first.
     return m.mapper.TakeDepthPoses();
   }));
-  m.mapped.push_back(m.mapping_thread.Run([&m, aligning_ms]() -> Mapped {
+  m.mapped.push_back(m.mapping_thread.Run([&m]() -> Mapped {
     const Stopwatch mapping;
     LocalMapPtr map = m.mapper.Update();
-    return {std::move(map), m.mapper.scene_depth(), m.mapper.counters(), *aligning_ms + mapping.ms()};
+    return {std::move(map), m.mapper.scene_depth(), m.mapper.counters(), m.aligning_ms + mapping.ms()};
   }));
 }
 
